@@ -1,0 +1,9 @@
+//! surfel
+pub mod error;
+pub mod load;
+pub mod select;
+pub mod structure;
+pub mod style;
+pub mod technique;
+pub use ash;
+pub use error::{Error, Place, Result};

@@ -1,0 +1,37 @@
+//! What a frame submits, in exact submission order: the contract between selection, the GPU and the reference.
+
+/// A run of consecutive points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Span {
+    /// Which cloud of the frame, as an index into its instances.
+    pub instance: u32,
+    /// Index of the first point in the cloud's structure.
+    pub first: u32,
+    /// Number of points.
+    pub count: u32,
+}
+
+/// Spans in submission order, each in stored order.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct DrawList {
+    /// The runs.
+    pub spans: Vec<Span>,
+}
+
+impl DrawList {
+    /// Every point of clouds with these numbers of points.
+    pub fn all(counts: impl IntoIterator<Item = u32>) -> DrawList {
+        let spans = counts
+            .into_iter()
+            .enumerate()
+            .filter(|(_, count)| *count > 0)
+            .map(|(instance, count)| Span { instance: instance as u32, first: 0, count })
+            .collect();
+        DrawList { spans }
+    }
+
+    /// Number of points submitted.
+    pub fn submitted(&self) -> u64 {
+        self.spans.iter().map(|s| s.count as u64).sum()
+    }
+}

@@ -1,0 +1,8 @@
+//! Views, and which points a frame draws in which order. No Vulkan here.
+#![forbid(unsafe_code)]
+
+pub mod draw_list;
+pub mod view;
+
+pub use draw_list::{DrawList, Span};
+pub use view::{DepthConvention, View};

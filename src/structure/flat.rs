@@ -1,0 +1,99 @@
+//! One array in stored order: what every point of a cloud costs on the device, and where blocks of it lie.
+
+use glam::{DVec3, Vec3};
+
+use super::octahedral;
+use crate::load::PointCloud;
+
+/// Points a block. Blocks only bound what a frame may need (footprints beyond a sprite's limit), so a rough size does.
+pub const BLOCK: usize = 1 << 14;
+
+/// A cloud as the device keeps it: 16 B of geometry a point, 4 B more for each of normal and colour.
+#[derive(Debug, Clone, Default)]
+pub struct Flat {
+    /// World position that the centres are relative to.
+    pub origin: DVec3,
+    /// Centre relative to `origin` (x, y, z) and covering radius (w) [world units].
+    pub geometry: Vec<[f32; 4]>,
+    /// [`octahedral`] codes; absent: all face the viewer.
+    pub normals: Option<Vec<u32>>,
+    /// sRGB bytes, red lowest, 255 on top; absent: all have the style's base colour.
+    pub colors: Option<Vec<u32>>,
+    /// Consecutive runs of [`BLOCK`] points, the last one shorter.
+    pub blocks: Vec<Block>,
+    /// See [`PointCloud::closed`].
+    pub closed: bool,
+}
+
+/// Bounds of a run of points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Block {
+    /// Index of the first point.
+    pub first: u32,
+    /// Number of points, at least 1.
+    pub count: u32,
+    /// Corner of the centres' box, relative to the origin.
+    pub min: Vec3,
+    /// Opposite corner.
+    pub max: Vec3,
+    /// Largest radius.
+    pub radius: f32,
+}
+
+impl Flat {
+    /// Packs a cloud.
+    ///
+    /// Radii must be present (see `load::attributes`); at most 2³² − 1 points.
+    pub fn new(cloud: &PointCloud) -> Flat {
+        let radii = cloud.radii.as_ref().expect("radii are completed before a structure is built");
+        let geometry: Vec<[f32; 4]> =
+            cloud.positions.iter().zip(radii).map(|(p, &r)| [p.x, p.y, p.z, r]).collect();
+        let blocks = geometry
+            .chunks(BLOCK)
+            .enumerate()
+            .map(|(i, run)| {
+                let mut block = Block {
+                    first: (i * BLOCK) as u32,
+                    count: run.len() as u32,
+                    min: Vec3::INFINITY,
+                    max: Vec3::NEG_INFINITY,
+                    radius: 0.0,
+                };
+                for &[x, y, z, r] in run {
+                    let p = Vec3::new(x, y, z);
+                    block.min = block.min.min(p);
+                    block.max = block.max.max(p);
+                    block.radius = block.radius.max(r);
+                }
+                block
+            })
+            .collect();
+        Flat {
+            origin: cloud.origin,
+            geometry,
+            normals: cloud.normals.as_ref().map(|n| n.iter().map(|&n| octahedral::encode(n)).collect()),
+            colors: cloud
+                .colors
+                .as_ref()
+                .map(|c| c.iter().map(|&[r, g, b]| u32::from_le_bytes([r, g, b, 255])).collect()),
+            blocks,
+            closed: cloud.closed,
+        }
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.geometry.len()
+    }
+
+    /// Whether there is no point at all.
+    pub fn is_empty(&self) -> bool {
+        self.geometry.is_empty()
+    }
+
+    /// Bytes that the arrays take, here and on the device.
+    pub fn bytes(&self) -> u64 {
+        let n = self.len() as u64;
+        n * (16 + 4 * self.normals.is_some() as u64 + 4 * self.colors.is_some() as u64)
+    }
+}

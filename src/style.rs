@@ -1,0 +1,130 @@
+//! How splats look: footprints, tolerances, light. Independent of the technique that draws them.
+
+use glam::Vec3;
+
+/// What a point covers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Footprint {
+    /// A Gaussian disk of the covering radius r. For [`Blend::Opaque`](crate::technique::Blend::Opaque) a hard disc of
+    /// radius r / √2.
+    Splat,
+    /// A square of so many pixels, whatever the radius; weight 1 all over. Only for `opaque`.
+    Pixels(f32),
+}
+
+/// How a disk's outline on the screen is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Ellipse {
+    /// The perspective image of the disk.
+    Exact,
+    /// The linear approximation about the centre, as in the shader of Coconu and Hege 2002, eqs 4 and 5.
+    Approximate,
+}
+
+/// Depth tolerance ε = max(`absolute`, `relative` · r) [world units]: fragments no more than ε behind the front belong
+/// to the same surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerance {
+    /// [world units]
+    pub absolute: f32,
+    /// In units of the splat's radius.
+    pub relative: f32,
+}
+
+/// What is done with splats that face away from the viewer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum BackFaces {
+    /// Dropped where the cloud says that it is closed, else drawn.
+    Auto,
+    /// Always drawn, lit from the viewer's side.
+    Draw,
+    /// Always dropped.
+    Cull,
+}
+
+/// Light on the interpolated normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Shading {
+    /// The colour as it is.
+    None,
+    /// A lamp at the eye: c · (ambient + (1 − ambient) · n·v).
+    Headlight {
+        /// Share of light that comes from everywhere, 0 to 1.
+        ambient: f32,
+    },
+    /// A directional lamp and a highlight (Phong 1975).
+    Phong {
+        /// Towards the light, in eye space (x right, y up, z towards the viewer); normalised on use.
+        light: Vec3,
+        /// Share of light that comes from everywhere, 0 to 1.
+        ambient: f32,
+        /// Strength of the highlight, 0 to 1.
+        specular: f32,
+        /// Exponent of the highlight.
+        shininess: f32,
+    },
+}
+
+impl Shading {
+    /// The lamp at the eye with a tenth of ambient light.
+    pub const HEADLIGHT: Shading = Shading::Headlight { ambient: 0.1 };
+    /// A lamp over the viewer's left shoulder.
+    pub const PHONG: Shading =
+        Shading::Phong { light: Vec3::new(-0.4, 0.6, 0.7), ambient: 0.15, specular: 0.25, shininess: 32.0 };
+}
+
+/// Eye-dome lighting (Boucheny 2009): darkens a pixel by how far it lies behind its neighbours on the screen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EyeDome {
+    /// Contrast; 1 is the default.
+    pub strength: f32,
+    /// Distance to the eight neighbours [px].
+    pub radius: f32,
+}
+
+impl Default for EyeDome {
+    fn default() -> Self {
+        EyeDome { strength: 1.0, radius: 1.5 }
+    }
+}
+
+/// Everything about the look of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Style {
+    /// What a point covers.
+    pub footprint: Footprint,
+    /// How its outline is computed.
+    pub ellipse: Ellipse,
+    /// Depth tolerance of blends that have one.
+    pub tolerance: Tolerance,
+    /// Factor on all radii.
+    pub radius_scale: f32,
+    /// Smallest footprint radius ρ [px]: the low-pass.
+    pub low_pass: f32,
+    /// What faces away.
+    pub back_faces: BackFaces,
+    /// Light.
+    pub shading: Shading,
+    /// Eye-dome lighting, if wanted.
+    pub eye_dome: Option<EyeDome>,
+    /// sRGB-encoded colour of clouds that have none.
+    pub base_color: [u8; 3],
+}
+
+impl Default for Style {
+    fn default() -> Self {
+        Style {
+            footprint: Footprint::Splat,
+            ellipse: Ellipse::Exact,
+            tolerance: Tolerance { absolute: 0.0, relative: 1.0 },
+            radius_scale: 1.0,
+            low_pass: 1.0,
+            back_faces: BackFaces::Auto,
+            shading: Shading::HEADLIGHT,
+            eye_dome: None,
+            base_color: [0xd0; 3],
+        }
+    }
+}

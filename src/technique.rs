@@ -1,0 +1,124 @@
+//! What a frame is made of: one value on each of five independent axes.
+//!
+//! No technique is a renderer of its own. The papers, and combinations that none of them had, are rows of [`PRESETS`].
+
+use std::fmt;
+
+/// How the points are arranged in memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Structure {
+    /// One array in stored order.
+    Flat,
+}
+
+/// Which points of the structure are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Selection {
+    /// Every point.
+    All,
+}
+
+/// What the rasteriser is given for a splat.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Primitive {
+    /// A point primitive of the footprint's size; footprints beyond the device's limit become quads.
+    Point,
+    /// Two triangles round the footprint's exact bound.
+    Quad,
+}
+
+/// The order in which splats reach the framebuffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Order {
+    /// As stored.
+    Stored,
+}
+
+/// How fragments of one pixel become one colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Blend {
+    /// The nearest fragment alone.
+    Opaque,
+    /// Visibility, then weighted sums of what lies within the tolerance of the front, then one division a pixel.
+    TwoPass,
+}
+
+/// One value on each axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Technique {
+    /// How the points are arranged.
+    pub structure: Structure,
+    /// Which are drawn.
+    pub selection: Selection,
+    /// As what.
+    pub primitive: Primitive,
+    /// In which order.
+    pub order: Order,
+    /// And how they are combined.
+    pub blend: Blend,
+}
+
+impl Technique {
+    /// The preset of this name, if there is one.
+    pub fn named(name: &str) -> Option<Technique> {
+        PRESETS.iter().find(|(n, _)| *n == name).map(|(_, t)| *t)
+    }
+}
+
+const TWO_PASS: Technique = Technique {
+    structure: Structure::Flat,
+    selection: Selection::All,
+    primitive: Primitive::Point,
+    order: Order::Stored,
+    blend: Blend::TwoPass,
+};
+
+/// Techniques by name: `structure.blend.primitive`. The first is the default.
+pub const PRESETS: &[(&str, Technique)] = &[
+    ("flat.two-pass.point", TWO_PASS),
+    ("flat.two-pass.quad", Technique { primitive: Primitive::Quad, ..TWO_PASS }),
+    ("flat.opaque.point", Technique { blend: Blend::Opaque, ..TWO_PASS }),
+    ("flat.opaque.quad", Technique { blend: Blend::Opaque, primitive: Primitive::Quad, ..TWO_PASS }),
+];
+
+impl Default for Technique {
+    fn default() -> Self {
+        PRESETS[0].1
+    }
+}
+
+/// The names that the command line and the statistics use, one table an axis value.
+macro_rules! names {
+    ($axis:ty { $($value:ident = $name:literal),* $(,)? }) => {
+        impl $axis {
+            /// Every value of this axis with its name.
+            pub const ALL: &'static [(&'static str, Self)] = &[$(($name, Self::$value)),*];
+
+            /// The value of this name.
+            pub fn named(name: &str) -> Option<Self> {
+                Self::ALL.iter().find(|(n, _)| *n == name).map(|(_, v)| *v)
+            }
+
+            /// This value's name.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$value => $name),* }
+            }
+        }
+        impl fmt::Display for $axis {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+    };
+}
+
+names!(Structure { Flat = "flat" });
+names!(Selection { All = "all" });
+names!(Primitive { Point = "point", Quad = "quad" });
+names!(Order { Stored = "stored" });
+names!(Blend { Opaque = "opaque", TwoPass = "two-pass" });
