@@ -3,7 +3,7 @@
 //! Eye space is right-handed with the viewer looking along −Z. Clip space is Vulkan's: x right, y down, depth 0 to 1.
 //! The linear depth of a point is z = −z_eye [world units], for perspective and orthographic views alike.
 
-use glam::{DMat4, DVec3, DVec4, dvec3, dvec4};
+use glam::{DMat3, DMat4, DVec3, DVec4, dvec3, dvec4};
 
 /// Which end of the depth range is near.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -49,7 +49,10 @@ impl View {
     ///
     /// The three must not be collinear; `eye` ≠ `target`.
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3, projection: DMat4, depth: DepthConvention) -> View {
-        View { view: DMat4::look_at_rh(eye, target, up), projection, depth }
+        let back = (eye - target).normalize();
+        let right = up.cross(back).normalize();
+        let rotation = DMat3::from_cols(right, back.cross(right), back).transpose();
+        View { view: DMat4::from_mat3(rotation) * DMat4::from_translation(-eye), projection, depth }
     }
 
     /// Perspective with reversed, infinite depth. `fov_y` [rad] is vertical, `aspect` is width / height, `near` [world units] > 0.
@@ -146,7 +149,12 @@ mod tests {
         assert!((o.near() - 1.0).abs() < 1e-12 && (o.far() - 9.0).abs() < 1e-12);
         assert!((o.focal(100.0) - 25.0).abs() < 1e-12);
         assert_eq!(o.centre_of_projection(), dvec4(0.0, 0.0, 1.0, 0.0));
-        let s = View { projection: DMat4::perspective_rh(1.0, 1.0, 0.5, 50.0), depth: DepthConvention::Standard, ..p };
+        // The textbook's standard depth: z_clip = far/(far − near)·(z − near).
+        let (near, far) = (0.5, 50.0);
+        let mut standard = p.projection;
+        standard.z_axis.z = -far / (far - near);
+        standard.w_axis.z = -far * near / (far - near);
+        let s = View { projection: standard, depth: DepthConvention::Standard, ..p };
         assert!((s.near() - 0.5).abs() < 1e-9 && (s.far() - 50.0).abs() < 1e-6);
     }
 
