@@ -1,9 +1,23 @@
 //! surfel
+pub mod color;
+pub mod composite;
+pub mod draw;
 pub mod error;
+pub mod gpu;
+pub mod host;
 pub mod load;
+pub mod readback;
+pub mod renderer;
 pub mod select;
+#[cfg(feature = "standalone")]
+pub mod standalone;
+pub mod stats;
 pub mod structure;
 pub mod style;
 pub mod technique;
 pub use ash;
+pub use gpu::layout::MAX_VIEWS;
 pub use error::{Error, Place, Result};
+pub use host::{CloudId, Enabled, FrameInput, Host, HostDepth, Instance, PassKind, Requirements, TargetFormats};
+pub use renderer::Renderer;
+pub use stats::FrameStats;

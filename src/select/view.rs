@@ -33,7 +33,7 @@ impl DepthConvention {
 /// One viewpoint.
 ///
 /// `projection` may be asymmetric, jittered, mirrored, infinite or orthographic. Its third row must depend on z and w
-/// alone (no oblique near plane), its fourth must be (0, 0, ∓1, 0) for perspective or (0, 0, 0, 1) for orthographic views.
+/// alone (no oblique near plane), its fourth must be (0, 0, −k, 0), k > 0, for perspective or (0, 0, 0, 1) for orthographic views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// World to eye: a rotation and a translation.

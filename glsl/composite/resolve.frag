@@ -1,0 +1,73 @@
+#version 460
+#extension GL_EXT_multiview : require
+// The last step, inside the host's pass: divide, shade, darken, encode; colour premultiplied, depth of the front.
+#include "frame.glsl"
+#include "shade.glsl"
+#include "srgb.glsl"
+
+// Set in src/composite/resolve.rs.
+layout(constant_id = 0) const int SHADE = SHADE_NONE;
+layout(constant_id = 1) const bool EYE_DOME = false;
+layout(constant_id = 2) const bool WRITE_DEPTH = true;
+layout(constant_id = 3) const bool ENCODE_SRGB = false;  // the target's format does not encode by itself
+layout(constant_id = 4) const bool SOLID = false;        // opaque: coverage is all or nothing
+
+layout(set = 0, binding = 1) uniform sampler2DArray color_sum;
+layout(set = 0, binding = 2) uniform sampler2DArray normal_sum;
+layout(set = 0, binding = 3) uniform sampler2DArray front;
+
+layout(location = 0) out vec4 out_color;
+
+float front_depth(ivec2 at, int view) {
+    return -texelFetch(front, ivec3(at, view), 0).x;
+}
+
+// Eye-dome lighting (Boucheny 2009): mean over eight neighbours of how many octaves of depth this pixel lies behind them.
+float shadow(ivec2 at, int view, float z) {
+    float sum = 0.0;
+    for (int i = 0; i < 8; i++) {
+        float angle = 0.78539816339 * float(i);
+        ivec2 other = ivec2(floor(vec2(at) + 0.5 + frame.edl_radius * vec2(cos(angle), sin(angle))));
+        if (any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, frame.extent))) {
+            continue;
+        }
+        if (texelFetch(color_sum, ivec3(other, view), 0).a > 0.0) {
+            sum += max(0.0, log2(max(z, 1e-30)) - log2(max(front_depth(other, view), 1e-30)));
+        }
+    }
+    return exp(-100.0 * frame.edl_strength * sum / 8.0);
+}
+
+void main() {
+    int view = gl_ViewIndex;
+    vec2 pixel = gl_FragCoord.xy - frame.offset;
+    ivec2 at = ivec2(floor(pixel));
+    vec4 sum = texelFetch(color_sum, ivec3(at, view), 0);
+    if (!(sum.a > 0.0)) {
+        discard;
+    }
+    ViewParams p = frame.views[view];
+    vec3 c = sum.rgb / sum.a;
+    if (SHADE != SHADE_NONE) {
+        vec3 ray = p.ray_0.xyz + p.ray_x.xyz * pixel.x + p.ray_y.xyz * pixel.y;
+        vec3 v = p.depth_map.z != 0.0 ? -normalize(ray) : normalize(p.eye.xyz);
+        vec3 n = texelFetch(normal_sum, ivec3(at, view), 0).xyz;
+        float length_n = length(n);
+        c = shade(SHADE, c, length_n > 0.0 ? n / length_n : v, v);
+    }
+    float z = 0.0;
+    if (EYE_DOME || WRITE_DEPTH) {
+        z = front_depth(at, view);
+    }
+    if (EYE_DOME) {
+        c *= shadow(at, view, z);
+    }
+    if (ENCODE_SRGB) {
+        c = srgb_from_linear(c);
+    }
+    float alpha = SOLID ? 1.0 : min(1.0, 2.0 * sum.a);
+    out_color = vec4(c * alpha, alpha);
+    gl_FragDepth = WRITE_DEPTH
+        ? (p.host_depth.x * z + p.host_depth.y) / (p.host_depth.z * z + p.host_depth.w)
+        : gl_FragCoord.z;
+}

@@ -1,0 +1,11 @@
+#version 460
+// First of two passes: the least z + ε of every pixel, as internal depth.
+#include "footprint.glsl"
+
+void main() {
+    float z;
+    if (footprint(gl_FragCoord.xy, z) > 1.0) {
+        discard;
+    }
+    gl_FragDepth = internal_depth(z + v_plane.w);
+}

@@ -1,0 +1,40 @@
+#version 460
+// How many splats are drawn, and how many are not, by what: only where statistics are asked for.
+#include "splat.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(set = 1, binding = 0, std430) readonly buffer Geometry { vec4 geometry[]; };
+layout(set = 1, binding = 1, std430) readonly buffer Normals { uint normals[]; };
+layout(set = 2, binding = 0, std430) buffer Counts {
+    uint drawn;
+    uint too_large;     // drawn too, by the other pipeline
+    uint outside;
+    uint back_face;
+    uint invalid;
+} counts;
+layout(push_constant) uniform CountPush { uint count; } push;
+
+shared uint local[5];
+
+void main() {
+    uint lane = gl_LocalInvocationIndex;
+    if (lane < 5u) {
+        local[lane] = 0u;
+    }
+    barrier();
+    // A grid-stride loop: 65,535 groups at most, whatever the cloud.
+    uint stride = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    for (uint i = gl_GlobalInvocationID.x; i < push.count; i += stride) {
+        Splat s = project(geometry[i], HAS_NORMAL ? normals[i] : NO_NORMAL);
+        atomicAdd(local[s.status], 1u);
+    }
+    barrier();
+    if (lane == 0u) {
+        atomicAdd(counts.drawn, local[DRAWN]);
+        atomicAdd(counts.too_large, local[TOO_LARGE]);
+        atomicAdd(counts.outside, local[OUTSIDE]);
+        atomicAdd(counts.back_face, local[BACK_FACE]);
+        atomicAdd(counts.invalid, local[INVALID]);
+    }
+}

@@ -1,0 +1,22 @@
+// The vertex stage's last step, the same for sprites and quads.
+#define VARYING out
+#include "varyings.glsl"
+#include "srgb.glsl"
+
+const vec4 NOWHERE = vec4(2.0, 2.0, 2.0, 1.0);
+
+bool is_drawn(Splat s) {
+    return s.status == (LARGE ? TOO_LARGE : DRAWN);
+}
+
+void emit_attributes(Splat s, uint color) {
+    v_frame = LARGE ? vec4(s.centre, s.radius) : s.inverse;
+    v_centre = vec4(s.pixel, s.depth, s.radius);
+    v_plane = LARGE ? vec4(s.normal, epsilon(s.radius)) : vec4(s.slope, s.perspective, epsilon(s.radius));
+    v_color = HAS_COLOR ? linear_from_srgb(unpackUnorm4x8(color).rgb) : params.base_color.rgb;
+    v_normal = s.normal;
+}
+
+vec4 clip_position(vec2 pixel, float z) {
+    return vec4(pixel / params.viewport * 2.0 - 1.0, clamp(internal_depth(max(z, params.near)), 0.0, 1.0), 1.0);
+}

@@ -1,0 +1,43 @@
+// The fragment's side of splat.glsl: u² and depth of what it sees of the disk.
+#include "params.glsl"
+#define VARYING in
+#include "varyings.glsl"
+
+const float MISS = 1e30;
+
+// Returns u² (more than 1: nothing here) and the linear depth.
+float footprint(vec2 fragment, out float z) {
+    z = v_centre.z;
+    vec2 d = fragment - v_centre.xy;
+    if (FOOTPRINT == FOOTPRINT_PIXELS) {
+        return max(abs(d.x), abs(d.y)) <= 0.5 * params.pixel_size ? 0.0 : MISS;
+    }
+    float on_disk = MISS;
+    if (LARGE) {
+        vec3 base, direction;
+        pixel_ray(fragment, base, direction);
+        vec3 c = v_frame.xyz;
+        vec3 n = v_plane.xyz;
+        float facing = dot(n, direction);
+        float hit = dot(n, c - base) / facing;
+        if (facing != 0.0 && (hit > 0.0 || !is_perspective())) {
+            vec3 x = base + hit * direction - c;
+            on_disk = dot(x, x) / (v_frame.w * v_frame.w);
+            z = hit;
+        }
+    } else {
+        vec2 affine = vec2(dot(v_frame.xy, d), dot(v_frame.zw, d));
+        float s = APPROXIMATE ? 1.0 : 1.0 - dot(affine, v_plane.xy) * v_plane.z;
+        if (s > 0.0) {
+            vec2 ab = affine / s;
+            on_disk = dot(ab, ab);
+            z = v_centre.z + dot(ab, v_plane.xy);
+        }
+    }
+    z = clamp(z, v_centre.z - v_centre.w, v_centre.z + v_centre.w);
+    if (z < params.near) {
+        return MISS;
+    }
+    float on_screen = dot(d, d) / (params.low_pass * params.low_pass);
+    return min(on_disk, on_screen);
+}

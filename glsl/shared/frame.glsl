@@ -1,0 +1,22 @@
+// What the full-screen passes of one frame need. Twin: src/gpu/layout.rs.
+const int MAX_VIEWS = 4;
+
+struct ViewParams {
+    vec4 eye;           // as in DrawParams
+    vec4 ray_0;
+    vec4 ray_x;
+    vec4 ray_y;
+    vec4 depth_map;     // internal depth from linear depth, as in DrawParams
+    vec4 host_depth;    // host's depth = (host_depth.x z + host_depth.y) / (host_depth.z z + host_depth.w)
+};
+
+layout(set = 0, binding = 0, std140) uniform FrameParams {
+    ViewParams views[MAX_VIEWS];
+    vec4 light;         // towards the light, eye space, unit; w: exponent of the highlight
+    vec2 offset;        // of the picture in the host's target [px]
+    ivec2 extent;       // of the picture [px]
+    float ambient;
+    float specular;
+    float edl_strength;
+    float edl_radius;   // [px]
+} frame;

@@ -1,0 +1,47 @@
+// What one cloud in one view needs. Twin: src/gpu/layout.rs.
+// Eye space: x right, y up, the viewer looks along −z. Linear depth z = −z_eye [world units]. Pixels: x right, y down.
+layout(set = 0, binding = 0, std140) uniform DrawParams {
+    mat4 eye_from_cloud;    // rotation, uniform scale, translation; origins already subtracted in f64
+    vec4 pixel_x;           // (pixel_x · P) / (pixel_w · P) is the pixel's x of the eye-space point P = (p, 1)
+    vec4 pixel_y;
+    vec4 pixel_w;           // equals the linear depth (perspective) or 1 (orthographic)
+    vec4 eye;               // centre of projection: (x, y, z, 1), or the direction towards the viewer and 0
+    vec4 ray_0;             // A(pixel) = ray_0 + ray_x·x + ray_y·y: see pixel_ray()
+    vec4 ray_x;
+    vec4 ray_y;
+    vec4 depth_map;         // internal depth d = (depth_map.x z + depth_map.y) / (depth_map.z z + depth_map.w), 1 is near
+    vec4 base_color;        // linear light, for clouds without colours
+    vec2 viewport;          // [px]
+    float near;             // linear depth of the near plane [world units]
+    float radius_scale;     // style × instance; 1/√2 of that for hard discs
+    float tolerance_absolute;
+    float tolerance_relative;   // in units of the splat's radius
+    float low_pass;         // ρ [px]
+    float sprite_limit;     // largest point size [px]; quads: 3·10³⁸
+    float pixel_size;       // side of FOOTPRINT_PIXELS [px]
+} params;
+
+const int FOOTPRINT_SPLAT = 0;      // Gaussian disk
+const int FOOTPRINT_DISC = 1;       // hard disc
+const int FOOTPRINT_PIXELS = 2;     // square of a given size
+
+// Set in src/draw/variant.rs.
+layout(constant_id = 0) const int FOOTPRINT = FOOTPRINT_SPLAT;
+layout(constant_id = 1) const bool APPROXIMATE = false; // affine image of the disk (Coconu and Hege 2002, eqs 4 and 5)
+layout(constant_id = 2) const bool CULL_BACK = false;
+layout(constant_id = 3) const bool HAS_NORMAL = true;
+layout(constant_id = 4) const bool HAS_COLOR = true;
+layout(constant_id = 5) const bool LARGE = false;       // draws the splats that a sprite cannot hold, and only those
+
+bool is_perspective() { return params.depth_map.z != 0.0; }
+
+float internal_depth(float z) {
+    return (params.depth_map.x * z + params.depth_map.y) / (params.depth_map.z * z + params.depth_map.w);
+}
+
+// The ray of a pixel: base + z·direction is its eye-space point at linear depth z.
+void pixel_ray(vec2 pixel, out vec3 base, out vec3 direction) {
+    vec3 a = params.ray_0.xyz + params.ray_x.xyz * pixel.x + params.ray_y.xyz * pixel.y;
+    base = is_perspective() ? params.eye.xyz : a;
+    direction = is_perspective() ? a : -params.eye.xyz / params.eye.z;
+}

@@ -1,0 +1,165 @@
+// From a stored splat to its image: what is drawn, where, and what a fragment needs to find the disk again.
+//
+// A point of the disk is c + r (a t1 + b t2), a² + b² ≤ 1. With v the direction from the eye to c, t1 = n × v is the long
+// axis of the image and m = v × t1 completes the frame across the ray, so that t2 · m = n · v is the foreshortening, free
+// of cancellation. J(t) is the derivative of the pixel, times w, when c moves along t; J(v) = 0, hence
+// J(t2) = (n · v) J(m). A fragment at offset d from the projected centre sees
+//     a = W/r (d × J(m)) / (J(t1) × J(m)),   b = W/(r n·v) (J(t1) × d) / (J(t1) × J(m)),   W = w + r (a w1 + b w2),
+// where w1 and w2 are the derivatives of w. Setting W = w gives the affine image (a0, b0); exactly,
+//     (a, b) = (a0, b0) / (1 − (a0, b0) · h),   h = r (w1, w2) / w.
+// No determinant of a conic is ever formed or divided by.
+#include "params.glsl"
+#include "octahedral.glsl"
+
+const uint DRAWN = 0u;      // a sprite holds it
+const uint TOO_LARGE = 1u;  // drawn as a quad whose fragments cast their ray in eye space
+const uint OUTSIDE = 2u;    // its footprint misses the picture or lies before the near plane
+const uint BACK_FACE = 3u;
+const uint INVALID = 4u;
+
+struct Splat {
+    uint status;
+    vec3 centre;    // eye space
+    vec3 normal;    // eye space, unit, towards the viewer
+    float radius;   // [world units]
+    float depth;    // linear
+    vec2 pixel;     // of the centre; far outside where that is before the near plane
+    vec4 inverse;   // rows of the matrix that takes d to (a0, b0)
+    vec2 slope;     // depth along r t1 and r t2
+    float perspective;  // 1/w for perspective, else 0: h = slope · perspective
+    vec4 box;       // min and max [px] of the footprint within the picture
+};
+
+float epsilon(float radius) {
+    return max(params.tolerance_absolute, params.tolerance_relative * radius);
+}
+
+// Box of the part of the disk's bounding square that lies beyond the near plane.
+vec4 clipped_box(vec3 c, vec3 e1, vec3 e2) {
+    vec3 corner[4] = vec3[](c - e1 - e2, c + e1 - e2, c + e1 + e2, c - e1 + e2);
+    vec4 box = vec4(1e30, 1e30, -1e30, -1e30);
+    for (int i = 0; i < 4; i++) {
+        vec3 p = corner[i];
+        vec3 q = corner[(i + 1) & 3];
+        float zp = -p.z - params.near;
+        float zq = -q.z - params.near;
+        if ((zp < 0.0) != (zq < 0.0)) {
+            vec4 cut = vec4(mix(p, q, zp / (zp - zq)), 1.0);
+            vec2 at = vec2(dot(params.pixel_x, cut), dot(params.pixel_y, cut)) / dot(params.pixel_w, cut);
+            box = vec4(min(box.xy, at), max(box.zw, at));
+        }
+        if (zp >= 0.0) {
+            vec4 whole = vec4(p, 1.0);
+            vec2 at = vec2(dot(params.pixel_x, whole), dot(params.pixel_y, whole)) / dot(params.pixel_w, whole);
+            box = vec4(min(box.xy, at), max(box.zw, at));
+        }
+    }
+    return box;
+}
+
+Splat project(vec4 geometry, uint normal_code) {
+    Splat s;
+    s.status = INVALID;
+    s.radius = geometry.w * params.radius_scale;
+    s.centre = (params.eye_from_cloud * vec4(geometry.xyz, 1.0)).xyz;
+    s.depth = -s.centre.z;
+    s.normal = vec3(0.0, 0.0, 1.0);
+    s.pixel = vec2(-1e15);
+    s.inverse = vec4(0.0);
+    s.slope = vec2(0.0);
+    s.perspective = 0.0;
+    s.box = vec4(0.0);
+    // Also false for NaN; infinities fail the upper bounds.
+    if (!(s.radius > 0.0 && s.radius < 1e30 && dot(abs(s.centre), vec3(1.0)) < 1e30)) {
+        return s;
+    }
+
+    bool perspective = is_perspective();
+    vec3 v = normalize(perspective ? s.centre - params.eye.xyz : -params.eye.xyz);
+    s.normal = -v;
+    if (HAS_NORMAL && normal_code != NO_NORMAL) {
+        s.normal = normalize(mat3(params.eye_from_cloud) * octahedral(normal_code));
+        if (dot(s.normal, v) > 0.0) {
+            if (CULL_BACK) {
+                s.status = BACK_FACE;
+                return s;
+            }
+            s.normal = -s.normal;
+        }
+    }
+
+    s.status = OUTSIDE;
+    vec4 c = vec4(s.centre, 1.0);
+    float w = dot(params.pixel_w, c);
+    bool centre_visible = s.depth >= params.near;
+    if (centre_visible) {
+        s.pixel = vec2(dot(params.pixel_x, c), dot(params.pixel_y, c)) / w;
+    }
+    if (FOOTPRINT == FOOTPRINT_PIXELS) {
+        if (!centre_visible) {
+            return s;
+        }
+        s.box = vec4(s.pixel - 0.5 * params.pixel_size, s.pixel + 0.5 * params.pixel_size);
+    } else {
+        vec3 across = cross(s.normal, v);
+        // Below 10⁻⁴ rad of tilt the axes are noise; the disk is taken as facing the eye (depth error 10⁻⁴ r).
+        if (dot(across, across) < 1e-8) {
+            s.normal = -v;
+            across = cross(v, abs(v.x) < 0.5 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0));
+        }
+        vec3 t1 = normalize(across);
+        vec3 t2 = cross(s.normal, t1);
+        vec3 m = cross(v, t1);
+        float nv = min(dot(s.normal, v), -1e-6);
+        s.slope = -s.radius * vec2(t1.z, t2.z);
+        float reach = length(s.slope);
+        if (s.depth + reach < params.near) {
+            return s;
+        }
+        // A footprint that comes close to the eye is cast in eye space: there the affine frame is stretched without bound.
+        bool near_eye = s.depth - reach < max(params.near, perspective ? 0.1 * s.depth : params.near);
+        if (near_eye) {
+            s.box = clipped_box(s.centre, s.radius * t1, s.radius * t2);
+        }
+        if (centre_visible) {
+            vec2 j1 = vec2(dot(params.pixel_x.xyz, t1), dot(params.pixel_y.xyz, t1)) - s.pixel * dot(params.pixel_w.xyz, t1);
+            vec2 jm = vec2(dot(params.pixel_x.xyz, m), dot(params.pixel_y.xyz, m)) - s.pixel * dot(params.pixel_w.xyz, m);
+            float area = j1.x * jm.y - j1.y * jm.x;
+            float f = w / (s.radius * area);
+            s.inverse = f * vec4(jm.y, -jm.x, -j1.y / nv, j1.x / nv);
+            s.perspective = perspective ? 1.0 / w : 0.0;
+            // Extent of the image about its centre: the roots of the dual conic, with axes A = r J(t1), B = r (n·v) J(m).
+            vec4 axes = s.radius * vec4(j1, nv * jm);           // (A.x, A.y, B.x, B.y)
+            vec2 square = axes.xy * axes.xy + axes.zw * axes.zw;
+            vec4 image;
+            if (APPROXIMATE || !perspective) {
+                vec2 extent = sqrt(square) / w;
+                image = vec4(-extent, extent);
+            } else {
+                vec2 skew = axes.xy * s.slope.x + axes.zw * s.slope.y;
+                float k = w * w - dot(s.slope, s.slope);
+                vec2 root = sqrt(skew * skew + square * k);
+                image = vec4(-skew - root, root - skew) / k;
+            }
+            vec2 rho = vec2(params.low_pass);
+            if (!near_eye) {
+                s.box = vec4(s.pixel + min(image.xy, -rho), s.pixel + max(image.zw, rho));
+            } else {
+                s.box = vec4(min(s.box.xy, s.pixel - rho), max(s.box.zw, s.pixel + rho));
+            }
+        }
+        if (near_eye) {
+            s.status = TOO_LARGE;
+        }
+    }
+    // What the picture shows of the box; its centre lies inside the clip volume by construction.
+    s.box = vec4(max(s.box.xy, vec2(0.0)), min(s.box.zw, params.viewport));
+    vec2 size = s.box.zw - s.box.xy;
+    if (!(size.x > 0.0 && size.y > 0.0)) {
+        s.status = OUTSIDE;
+    } else if (s.status != TOO_LARGE) {
+        // A quarter of a pixel for the rasteriser's grid: point sizes come in steps of at most 1/8, positions of 1/16.
+        s.status = max(size.x, size.y) + 0.25 > params.sprite_limit ? TOO_LARGE : DRAWN;
+    }
+    return s;
+}

@@ -1,0 +1,219 @@
+//! Divide, shade, encode: one triangle inside the host's pass. And its counterpart, which takes the host's depth in.
+
+use std::collections::HashMap;
+
+use ash::vk;
+
+use crate::draw::plan::FramePlan;
+use crate::draw::targets::DEPTH;
+use crate::error::{Named, Result};
+use crate::gpu::Context;
+use crate::gpu::layout::SeedPush;
+use crate::gpu::program::{BlendMode, ColorTarget, GraphicsInfo, Program};
+use crate::gpu::spirv::generated as spirv;
+use crate::host::{PassKind, TargetFormats};
+use crate::select::DepthConvention;
+use crate::style::{Shading, Style};
+use crate::technique::Blend;
+
+/// What distinguishes the pipelines: the specialisation constants of `glsl/composite/resolve.frag`, and the host's
+/// depth comparison.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Variant {
+    shade: u32,
+    eye_dome: bool,
+    solid: bool,
+    convention: DepthConvention,
+}
+
+impl Variant {
+    /// The variant of a frame.
+    pub fn new(plan: &FramePlan, style: &Style, blend: Blend, convention: DepthConvention) -> Variant {
+        let shade = match style.shading {
+            _ if !plan.lit => 0,
+            Shading::None => 0,
+            Shading::Headlight { .. } => 1,
+            Shading::Phong { .. } => 2,
+        };
+        Variant { shade, eye_dome: style.eye_dome.is_some(), solid: blend == Blend::Opaque, convention }
+    }
+}
+
+impl Variant {
+    /// Whether normals are not read.
+    pub fn is_unlit(&self) -> bool {
+        self.shade == 0
+    }
+}
+
+/// Pipelines and the sampler.
+#[derive(Debug)]
+pub struct Composite {
+    /// Set 0: the frame's block, sums, front, host depth.
+    pub program: Program,
+    /// Nearest, for `texelFetch`.
+    pub sampler: vk::Sampler,
+    formats: TargetFormats,
+    resolve: HashMap<Variant, vk::Pipeline>,
+    seed: vk::Pipeline,
+}
+
+impl Composite {
+    /// For one kind of target.
+    pub fn new(context: &Context, formats: TargetFormats) -> Result<Composite> {
+        let push = vk::PushConstantRange {
+            stage_flags: vk::ShaderStageFlags::FRAGMENT,
+            offset: 0,
+            size: size_of::<SeedPush>() as u32,
+        };
+        let shaders =
+            &[&spirv::COMPOSITE_TRIANGLE_VERT, &spirv::COMPOSITE_RESOLVE_FRAG, &spirv::COMPOSITE_SEED_DEPTH_FRAG];
+        let program = Program::new(context, "composite", shaders, false, Some(push))?;
+        let mut composite = Composite {
+            program,
+            sampler: vk::Sampler::null(),
+            formats,
+            resolve: HashMap::new(),
+            seed: vk::Pipeline::null(),
+        };
+        match composite.build(context) {
+            Ok(()) => Ok(composite),
+            Err(e) => {
+                composite.destroy(context);
+                Err(e)
+            }
+        }
+    }
+
+    fn build(&mut self, context: &Context) -> Result<()> {
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::NEAREST)
+            .min_filter(vk::Filter::NEAREST)
+            .address_mode_u(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE);
+        // SAFETY: the device lives.
+        self.sampler = unsafe { context.device.create_sampler(&info, None) }.named("vkCreateSampler")?;
+        context.name(self.sampler, "nearest");
+        self.seed = self.program.graphics(
+            context,
+            &GraphicsInfo {
+                name: "seed_depth",
+                vertex: &spirv::COMPOSITE_TRIANGLE_VERT,
+                fragment: &spirv::COMPOSITE_SEED_DEPTH_FRAG,
+                constants: &[],
+                streams: &[],
+                topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+                colors: &[],
+                depth: Some((DEPTH, vk::CompareOp::ALWAYS, true)),
+                samples: vk::SampleCountFlags::TYPE_1,
+                view_mask: 0,
+                render_pass: None,
+            },
+        )?;
+        Ok(())
+    }
+
+    /// Builds the variant if it is new, and says whether it was.
+    pub fn ensure(&mut self, context: &Context, variant: Variant) -> Result<bool> {
+        if self.resolve.contains_key(&variant) {
+            return Ok(false);
+        }
+        let formats = &self.formats;
+        let compare = match variant.convention {
+            DepthConvention::Reversed => vk::CompareOp::GREATER_OR_EQUAL,
+            DepthConvention::Standard => vk::CompareOp::LESS_OR_EQUAL,
+        };
+        let pipeline = self.program.graphics(
+            context,
+            &GraphicsInfo {
+                name: "resolve",
+                vertex: &spirv::COMPOSITE_TRIANGLE_VERT,
+                fragment: &spirv::COMPOSITE_RESOLVE_FRAG,
+                constants: &[
+                    variant.shade,
+                    variant.eye_dome as u32,
+                    formats.depth.is_some() as u32,
+                    formats.encode_srgb as u32,
+                    variant.solid as u32,
+                ],
+                streams: &[],
+                topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+                colors: &[ColorTarget { format: formats.color, blend: BlendMode::Over }],
+                depth: formats.depth.map(|format| (format, compare, true)),
+                samples: formats.samples,
+                view_mask: match formats.pass {
+                    PassKind::Dynamic => formats.view_mask,
+                    PassKind::RenderPass { .. } => 0,
+                },
+                render_pass: match formats.pass {
+                    PassKind::Dynamic => None,
+                    PassKind::RenderPass { pass, subpass } => Some((pass, subpass)),
+                },
+            },
+        )?;
+        self.resolve.insert(variant, pipeline);
+        Ok(true)
+    }
+
+    /// Fills a view's depth from the host's, inside a pass with that depth alone. Returns the number of draw calls.
+    pub fn seed(&self, context: &Context, cmd: vk::CommandBuffer, set: vk::DescriptorSet, view: u32) -> u32 {
+        let push = SeedPush { view, padding: [] };
+        let layout = self.program.layout;
+        // SAFETY: recording inside such a pass; the set lives until the frame is complete.
+        unsafe {
+            context.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.seed);
+            context.device.cmd_bind_descriptor_sets(cmd, vk::PipelineBindPoint::GRAPHICS, layout, 0, &[set], &[]);
+            context.device.cmd_push_constants(
+                cmd,
+                layout,
+                vk::ShaderStageFlags::FRAGMENT,
+                0,
+                bytemuck::bytes_of(&push),
+            );
+            context.device.cmd_draw(cmd, 3, 1, 0, 0);
+        }
+        1
+    }
+
+    /// Draws the picture inside the host's pass.
+    pub fn resolve(
+        &self,
+        context: &Context,
+        cmd: vk::CommandBuffer,
+        variant: Variant,
+        set: vk::DescriptorSet,
+        area: vk::Rect2D,
+    ) {
+        let viewport = vk::Viewport {
+            x: area.offset.x as f32,
+            y: area.offset.y as f32,
+            width: area.extent.width as f32,
+            height: area.extent.height as f32,
+            min_depth: 0.0,
+            max_depth: 1.0,
+        };
+        let layout = self.program.layout;
+        // SAFETY: recording inside the host's pass, which the pipeline was made for (preconditions of `composite`).
+        unsafe {
+            context.device.cmd_set_viewport(cmd, 0, &[viewport]);
+            context.device.cmd_set_scissor(cmd, 0, &[area]);
+            context.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.resolve[&variant]);
+            context.device.cmd_bind_descriptor_sets(cmd, vk::PipelineBindPoint::GRAPHICS, layout, 0, &[set], &[]);
+            context.device.cmd_draw(cmd, 3, 1, 0, 0);
+        }
+    }
+
+    /// Destroys everything; nothing is in use.
+    pub fn destroy(self, context: &Context) {
+        // SAFETY: not in use (a precondition), destroyed once; null handles are allowed.
+        unsafe {
+            for pipeline in self.resolve.into_values() {
+                context.device.destroy_pipeline(pipeline, None);
+            }
+            context.device.destroy_pipeline(self.seed, None);
+            context.device.destroy_sampler(self.sampler, None);
+        }
+        self.program.destroy(context);
+    }
+}

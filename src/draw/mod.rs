@@ -1,0 +1,13 @@
+//! The passes that draw splats into the library's own targets: one file a blend.
+
+pub mod cloud;
+pub mod count;
+pub mod large;
+pub mod opaque;
+pub mod params;
+pub mod plan;
+pub mod slot;
+pub mod splats;
+pub mod targets;
+pub mod two_pass;
+pub mod variant;

@@ -1,0 +1,49 @@
+//! The nearest fragment alone: hard discs, or squares of a given size.
+
+use ash::vk;
+
+use crate::gpu::barrier::Access;
+use crate::gpu::pass::{Recorder, Targets as PassTargets, Use};
+
+use super::splats::{Bindings, Draw};
+use super::targets::Targets;
+use super::variant::Role;
+
+/// Draws one view into its layer. `seed` records what fills the depth from the host's, if there is any. Returns the
+/// number of draw calls.
+pub fn draw(
+    recorder: &mut Recorder,
+    targets: &mut Targets,
+    layer: usize,
+    bindings: &Bindings,
+    draws: &[Draw],
+    seed: Option<impl FnOnce(vk::CommandBuffer) -> u32>,
+) -> u32 {
+    let mut calls = 0;
+    let extent = targets.plan.extent;
+    let depth = targets.depth.layers[layer];
+    let first = layer == 0;
+    // The seed's pipeline has no colour attachments, hence a pass of its own.
+    let mut clear = Some(0.0);
+    if let Some(seed) = seed {
+        recorder.draw(
+            "seed depth",
+            vec![Use::layer(&mut targets.depth, Access::DepthWrite, first)],
+            &PassTargets { colors: &[], depth: Some((depth, Access::DepthWrite, clear)), extent },
+            |_, cmd| calls += seed(cmd),
+        );
+        clear = None;
+    }
+    let colors = targets.sum_attachments(layer);
+    let seeded = clear.is_none();
+    let (depth_image, sums) = targets.split();
+    let mut uses = vec![Use::layer(depth_image, Access::DepthWrite, first && !seeded)];
+    uses.extend(sums.map(|i| Use::layer(i, Access::ColorWrite, first)));
+    recorder.draw(
+        "opaque",
+        uses,
+        &PassTargets { colors: &colors, depth: Some((depth, Access::DepthWrite, clear)), extent },
+        |context, cmd| calls += bindings.draw(context, cmd, Role::Opaque, draws),
+    );
+    calls
+}

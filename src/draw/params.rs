@@ -1,0 +1,167 @@
+//! A view and an instance as the shaders take them. All differences of large numbers are taken here, in f64.
+
+use ash::vk;
+use glam::{DMat4, DVec3, DVec4, dvec3, dvec4};
+
+use crate::gpu::layout::{DrawParams, FrameParams, MAX_VIEWS, ViewParams};
+use crate::select::View;
+use crate::style::{EyeDome, Footprint, Shading, Style};
+
+/// What every cloud in a view shares.
+#[derive(Debug, Clone, Copy)]
+pub struct Camera {
+    /// (pixel_x · P) / (pixel_w · P) is the pixel's x of the eye-space point P.
+    pub pixel_x: DVec4,
+    /// The same for y.
+    pub pixel_y: DVec4,
+    /// w, scaled so that it is the linear depth (perspective) or 1 (orthographic).
+    pub pixel_w: DVec4,
+    /// Centre of projection in eye space, see [`View::centre_of_projection`].
+    pub eye: DVec4,
+    /// Ray of pixel (0, 0) and its change with x and y. Perspective: directions at linear depth 1; orthographic: points
+    /// at linear depth 0.
+    pub ray: [DVec3; 3],
+    /// Internal depth (reversed, 1 at the near plane) from linear depth: (x z + y) / (z z + w).
+    pub depth_map: DVec4,
+    /// The host's depth from linear depth, likewise.
+    pub host_depth: DVec4,
+    /// Linear depth of the near plane.
+    pub near: f64,
+    view: DMat4,
+}
+
+impl Camera {
+    /// A view of `extent` pixels.
+    pub fn new(view: &View, extent: vk::Extent2D) -> Camera {
+        let p = &view.projection;
+        let (r0, r1, r2, r3) = (p.row(0), p.row(1), p.row(2), p.row(3));
+        let perspective = view.is_perspective();
+        // w becomes the linear depth: rows 0, 1 and 3 only count up to a common factor.
+        let k = if perspective { -r3.z } else { 1.0 };
+        let (w, h) = (extent.width as f64, extent.height as f64);
+        let pixel_x = 0.5 * w * (r0 + r3) / k;
+        let pixel_y = 0.5 * h * (r1 + r3) / k;
+        let eye = view.centre_of_projection();
+
+        // The point with z_eye = −1 (perspective) or 0 (orthographic) that the pixel with clip coordinates (x, y) sees:
+        // r0 · P = x w, r1 · P = y w.
+        let (z, clip_w) = if perspective { (-1.0, k) } else { (0.0, 1.0) };
+        let det = r0.x * r1.y - r0.y * r1.x;
+        let at = |x: f64, y: f64| {
+            let (b0, b1) = (x * clip_w - r0.z * z - r0.w, y * clip_w - r1.z * z - r1.w);
+            let point = dvec3((b0 * r1.y - r0.y * b1) / det, (r0.x * b1 - b0 * r1.x) / det, z);
+            if perspective { point - eye.truncate() } else { point }
+        };
+        let ray_0 = at(-1.0, -1.0);
+        let ray = [ray_0, (at(1.0, -1.0) - ray_0) / w, (at(-1.0, 1.0) - ray_0) / h];
+
+        let near = view.near();
+        let depth_map = if perspective {
+            dvec4(0.0, near, 1.0, 0.0)
+        } else {
+            let range = view.far() - near;
+            dvec4(-1.0 / range, view.far() / range, 0.0, 1.0)
+        };
+        Camera {
+            pixel_x,
+            pixel_y,
+            pixel_w: r3 / k,
+            eye,
+            ray,
+            depth_map,
+            host_depth: dvec4(-r2.z, r2.w, -r3.z, r3.w),
+            near,
+            view: view.view,
+        }
+    }
+
+    /// Cloud coordinates to eye space, and the scale of lengths. `origin` is the cloud's.
+    pub fn eye_from_cloud(&self, transform: &DMat4, origin: DVec3) -> (DMat4, f64) {
+        let m = self.view * *transform * DMat4::from_translation(origin);
+        (m, scale(transform))
+    }
+
+    /// The shaders' block of one cloud.
+    pub fn draw_params(
+        &self,
+        extent: vk::Extent2D,
+        transform: &DMat4,
+        origin: DVec3,
+        style: &Style,
+        disc: bool,
+        sprite_limit: f32,
+    ) -> DrawParams {
+        let (eye_from_cloud, scale) = self.eye_from_cloud(transform, origin);
+        let row = |v: DVec4| v.as_vec4().to_array();
+        let base = style.base_color.map(|c| crate::color::srgb_to_linear(c as f64 / 255.0) as f32);
+        DrawParams {
+            eye_from_cloud: eye_from_cloud.as_mat4().to_cols_array_2d(),
+            pixel_x: row(self.pixel_x),
+            pixel_y: row(self.pixel_y),
+            pixel_w: row(self.pixel_w),
+            eye: row(self.eye),
+            ray_0: row(self.ray[0].extend(0.0)),
+            ray_x: row(self.ray[1].extend(0.0)),
+            ray_y: row(self.ray[2].extend(0.0)),
+            depth_map: row(self.depth_map),
+            base_color: [base[0], base[1], base[2], 1.0],
+            viewport: [extent.width as f32, extent.height as f32],
+            near: self.near as f32,
+            radius_scale: style.radius_scale * scale as f32 * if disc { std::f32::consts::FRAC_1_SQRT_2 } else { 1.0 },
+            tolerance_absolute: style.tolerance.absolute,
+            tolerance_relative: style.tolerance.relative,
+            low_pass: style.low_pass,
+            sprite_limit,
+            pixel_size: match style.footprint {
+                Footprint::Pixels(size) => size,
+                Footprint::Splat => 0.0,
+            },
+            padding: [0; 3],
+        }
+    }
+
+    fn view_params(&self) -> ViewParams {
+        let row = |v: DVec4| v.as_vec4().to_array();
+        ViewParams {
+            eye: row(self.eye),
+            ray_0: row(self.ray[0].extend(0.0)),
+            ray_x: row(self.ray[1].extend(0.0)),
+            ray_y: row(self.ray[2].extend(0.0)),
+            depth_map: row(self.depth_map),
+            host_depth: row(self.host_depth),
+            padding: [],
+        }
+    }
+}
+
+/// The uniform scale of a similarity.
+pub fn scale(transform: &DMat4) -> f64 {
+    transform.determinant().abs().cbrt()
+}
+
+/// The full-screen passes' block.
+pub fn frame_params(cameras: &[Camera], extent: vk::Extent2D, offset: vk::Offset2D, style: &Style) -> FrameParams {
+    let mut views = [cameras[0].view_params(); MAX_VIEWS];
+    for (to, camera) in views.iter_mut().zip(cameras) {
+        *to = camera.view_params();
+    }
+    let (light, ambient, specular, shininess) = match style.shading {
+        Shading::None => (glam::Vec3::Z, 1.0, 0.0, 1.0),
+        Shading::Headlight { ambient } => (glam::Vec3::Z, ambient, 0.0, 1.0),
+        Shading::Phong { light, ambient, specular, shininess } => {
+            (light.normalize_or(glam::Vec3::Z), ambient, specular, shininess)
+        }
+    };
+    let dome = style.eye_dome.unwrap_or(EyeDome { strength: 0.0, radius: 1.0 });
+    FrameParams {
+        views,
+        light: light.extend(shininess).to_array(),
+        offset: [offset.x as f32, offset.y as f32],
+        extent: [extent.width as i32, extent.height as i32],
+        ambient,
+        specular,
+        edl_strength: dome.strength,
+        edl_radius: dome.radius,
+        padding: [],
+    }
+}

@@ -1,0 +1,166 @@
+//! What one frame in flight needs for itself: parameters, sets, counters, timestamps. Reused once its frame is complete.
+
+use ash::vk;
+
+use super::targets::Targets;
+use crate::composite::Composite;
+use crate::error::{Named, Result};
+use crate::gpu::Context;
+use crate::gpu::layout::{Counts, DrawParams, FrameParams};
+use crate::gpu::memory::Location;
+use crate::gpu::program::Program;
+use crate::gpu::query::Timestamps;
+use crate::gpu::resource::Buffer;
+use crate::host::HostDepth;
+use crate::stats::FrameStats;
+
+/// One frame in flight.
+#[derive(Debug)]
+pub struct Slot {
+    /// The frame that uses it, or used it last.
+    pub frame: u64,
+    /// Statistics so far, taken when the frame is complete.
+    pub stats: Option<FrameStats>,
+    /// What the device counted, where it was asked to.
+    pub counted: bool,
+    /// Times.
+    pub timestamps: Option<Timestamps>,
+    /// Set 0 of the splats.
+    pub params_set: vk::DescriptorSet,
+    /// Set 2 of the counting pass.
+    pub counts_set: vk::DescriptorSet,
+    /// Set 0 of the full-screen passes.
+    pub frame_set: vk::DescriptorSet,
+    /// Counters, read by the processor.
+    pub counts: Buffer,
+    params: Buffer,
+    frame_params: Buffer,
+    pool: vk::DescriptorPool,
+}
+
+/// Bytes from one cloud's parameters to the next; the size of the block is 256, which every device's alignment divides.
+pub const PARAMS_STRIDE: u64 = size_of::<DrawParams>() as u64;
+
+impl Slot {
+    /// A slot for `draws` ≥ 1 clouds times views.
+    pub fn new(context: &mut Context, splats: &Program, composite: &Composite, draws: u64) -> Result<Slot> {
+        debug_assert!(PARAMS_STRIDE.is_multiple_of(context.limits.min_uniform_buffer_offset_alignment));
+        let uniform = vk::BufferUsageFlags::UNIFORM_BUFFER;
+        let storage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
+        let mut buffers = Vec::new();
+        let mut pool = vk::DescriptorPool::null();
+        let mut timestamps = None;
+        let made = (|| -> Result<[vk::DescriptorSet; 3]> {
+            buffers.push(Buffer::new(context, "params", draws * PARAMS_STRIDE, uniform, Location::Upload)?);
+            let size = size_of::<FrameParams>() as u64;
+            buffers.push(Buffer::new(context, "frame_params", size, uniform, Location::Upload)?);
+            let size = size_of::<Counts>() as u64;
+            buffers.push(Buffer::new(context, "counts", size, storage, Location::Readback)?);
+            let count = |ty, descriptor_count| vk::DescriptorPoolSize { ty, descriptor_count };
+            let sizes = [
+                count(vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, 1),
+                count(vk::DescriptorType::UNIFORM_BUFFER, 1),
+                count(vk::DescriptorType::STORAGE_BUFFER, 1),
+                count(vk::DescriptorType::COMBINED_IMAGE_SAMPLER, 4),
+            ];
+            let info = vk::DescriptorPoolCreateInfo::default().max_sets(3).pool_sizes(&sizes);
+            // SAFETY: the device lives.
+            pool = unsafe { context.device.create_descriptor_pool(&info, None) }.named("vkCreateDescriptorPool")?;
+            context.name(pool, "slot.sets");
+            timestamps = Timestamps::new(context)?;
+            let layouts = [splats.sets[0], splats.sets[2], composite.program.sets[0]];
+            let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+            // SAFETY: pool and layouts live; the pool has room for just these.
+            let sets =
+                unsafe { context.device.allocate_descriptor_sets(&info) }.named("vkAllocateDescriptorSets")?;
+            Ok([sets[0], sets[1], sets[2]])
+        })();
+        match made {
+            Ok([params_set, counts_set, frame_set]) => {
+                let mut buffers = buffers.into_iter();
+                let (Some(params), Some(frame_params), Some(counts)) = (buffers.next(), buffers.next(), buffers.next())
+                else {
+                    unreachable!("all three were made")
+                };
+                let stats = None;
+                let counted = false;
+                Ok(Slot {
+                    frame: 0, stats, counted, timestamps, params_set, counts_set, frame_set, counts, params, frame_params, pool,
+                })
+            }
+            Err(e) => {
+                buffers.into_iter().for_each(|b| b.destroy(context));
+                if let Some(t) = timestamps {
+                    t.destroy(context);
+                }
+                // SAFETY: no set of it is in use; null is allowed.
+                unsafe { context.device.destroy_descriptor_pool(pool, None) };
+                Err(e)
+            }
+        }
+    }
+
+    /// Clouds times views that it has room for.
+    pub fn capacity(&self) -> u64 {
+        self.params.size / PARAMS_STRIDE
+    }
+
+    /// Writes parameters and sets for a new frame; the last one is complete.
+    pub fn write(
+        &mut self,
+        context: &Context,
+        params: &[DrawParams],
+        frame: &FrameParams,
+        targets: &Targets,
+        host_depth: Option<HostDepth>,
+        sampler: vk::Sampler,
+    ) {
+        let bytes: &[u8] = bytemuck::cast_slice(params);
+        self.params.bytes()[..bytes.len()].copy_from_slice(bytes);
+        self.frame_params.bytes().copy_from_slice(bytemuck::bytes_of(frame));
+
+        let buffer = |buffer, range| [vk::DescriptorBufferInfo { buffer, offset: 0, range }];
+        let params = buffer(self.params.handle, PARAMS_STRIDE);
+        let counts = buffer(self.counts.handle, vk::WHOLE_SIZE);
+        let frame = buffer(self.frame_params.handle, vk::WHOLE_SIZE);
+        let sampled = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
+        let image = |image_view, image_layout| [vk::DescriptorImageInfo { sampler, image_view, image_layout }];
+        // What a frame does without is stood in for by the colour sums, and not read.
+        let color = targets.color.array;
+        let or = |i: &Option<crate::gpu::resource::Image>| image(i.as_ref().map_or(color, |i| i.array), sampled);
+        let images = [
+            image(color, sampled),
+            or(&targets.normal),
+            or(&targets.front),
+            host_depth.map_or(image(color, sampled), |d| image(d.view, d.layout)),
+        ];
+        let to = |set, binding, ty| vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding).descriptor_type(ty);
+        let mut writes = vec![
+            to(self.params_set, 0, vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC).buffer_info(&params),
+            to(self.counts_set, 0, vk::DescriptorType::STORAGE_BUFFER).buffer_info(&counts),
+            to(self.frame_set, 0, vk::DescriptorType::UNIFORM_BUFFER).buffer_info(&frame),
+        ];
+        for (binding, info) in (1..).zip(&images) {
+            writes.push(to(self.frame_set, binding, vk::DescriptorType::COMBINED_IMAGE_SAMPLER).image_info(info));
+        }
+        // SAFETY: no pending frame uses the sets; buffers, views and sampler live.
+        unsafe { context.device.update_descriptor_sets(&writes, &[]) };
+    }
+
+    /// The counters; the frame is complete.
+    pub fn read_counts(&mut self) -> Counts {
+        bytemuck::pod_read_unaligned(&self.counts.bytes()[..size_of::<Counts>()])
+    }
+
+    /// Destroys everything; the frame is complete.
+    pub fn destroy(self, context: &mut Context) {
+        for buffer in [self.params, self.frame_params, self.counts] {
+            buffer.destroy(context);
+        }
+        if let Some(timestamps) = self.timestamps {
+            timestamps.destroy(context);
+        }
+        // SAFETY: its sets are in no use (a precondition), destroyed once.
+        unsafe { context.device.destroy_descriptor_pool(self.pool, None) };
+    }
+}

@@ -1,0 +1,147 @@
+//! Draw calls for everything a view shows: the same for every blend.
+
+use ash::vk;
+
+use crate::gpu::Context;
+use crate::gpu::program::Program;
+use crate::gpu::resource::Buffer;
+use crate::structure::flat::BLOCK;
+
+use super::cloud::{Chunk, DeviceCloud};
+use super::variant::{Pipelines, Role, Variant};
+
+/// Indices of one block of quads: 0 1 2, 2 1 3, then four on.
+pub fn quad_indices() -> Vec<u16> {
+    (0..BLOCK).flat_map(|q| [0, 1, 2, 2, 1, 3].map(|i| (4 * q + i) as u16)).collect()
+}
+
+/// One cloud in one view.
+#[derive(Debug, Clone)]
+pub struct Draw {
+    /// Index into the renderer's clouds of this frame.
+    pub cloud: usize,
+    /// Byte offset of its parameters.
+    pub params: u32,
+    /// Variant for everything.
+    pub main: Variant,
+    /// Indices of blocks that may hold splats beyond a sprite, and the variant that draws those.
+    pub large: Vec<u32>,
+    /// Variant for those.
+    pub large_variant: Variant,
+}
+
+/// What drawing needs besides the draws.
+pub struct Bindings<'a> {
+    /// Layouts.
+    pub program: &'a Program,
+    /// Pipelines, all built.
+    pub pipelines: &'a Pipelines,
+    /// Set 0: parameters, with a dynamic offset.
+    pub params: vk::DescriptorSet,
+    /// See [`quad_indices`]; there whenever quads are drawn.
+    pub indices: Option<&'a Buffer>,
+    /// The frame's clouds.
+    pub clouds: &'a [&'a DeviceCloud],
+}
+
+impl Bindings<'_> {
+    /// Records one role's draws of a view. Returns the number of draw calls.
+    pub fn draw(&self, context: &Context, cmd: vk::CommandBuffer, role: Role, draws: &[Draw]) -> u32 {
+        let mut calls = 0;
+        for draw in draws {
+            let cloud = self.clouds[draw.cloud];
+            self.bind(context, cmd, draw.params, Variant { role, ..draw.main });
+            for chunk in &cloud.chunks {
+                calls += if draw.main.quads {
+                    let blocks = (0..chunk.count).step_by(BLOCK).map(|at| (at, BLOCK.min((chunk.count - at) as usize)));
+                    self.quads(context, cmd, chunk, blocks)
+                } else {
+                    points(context, cmd, chunk)
+                };
+            }
+            if draw.large.is_empty() {
+                continue;
+            }
+            self.bind(context, cmd, draw.params, Variant { role, ..draw.large_variant });
+            for chunk in &cloud.chunks {
+                let in_chunk = draw
+                    .large
+                    .iter()
+                    .map(|b| &cloud.flat.blocks[*b as usize])
+                    .filter(|b| (chunk.first..chunk.first + chunk.count).contains(&b.first))
+                    .map(|b| (b.first - chunk.first, b.count as usize));
+                calls += self.quads(context, cmd, chunk, in_chunk);
+            }
+        }
+        calls
+    }
+
+    fn bind(&self, context: &Context, cmd: vk::CommandBuffer, params: u32, variant: Variant) {
+        // SAFETY: recording inside a pass that the pipeline was made for; set 0 holds parameters at this offset.
+        unsafe {
+            context.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.pipelines.get(&variant));
+            context.device.cmd_bind_descriptor_sets(
+                cmd,
+                vk::PipelineBindPoint::GRAPHICS,
+                self.program.layout,
+                0,
+                &[self.params],
+                &[params],
+            );
+            if let Some(indices) = self.indices.filter(|_| variant.quads) {
+                context.device.cmd_bind_index_buffer(cmd, indices.handle, 0, vk::IndexType::UINT16);
+            }
+        }
+    }
+
+    fn quads(
+        &self,
+        context: &Context,
+        cmd: vk::CommandBuffer,
+        chunk: &Chunk,
+        blocks: impl Iterator<Item = (u32, usize)>,
+    ) -> u32 {
+        let mut calls = 0;
+        for (first, count) in blocks {
+            // SAFETY: as in `bind`; a block has at most as many quads as there are indices, and its vertices lie in the
+            // chunk's buffers.
+            unsafe {
+                if calls == 0 {
+                    context.device.cmd_bind_descriptor_sets(
+                        cmd,
+                        vk::PipelineBindPoint::GRAPHICS,
+                        self.program.layout,
+                        1,
+                        &[chunk.set],
+                        &[],
+                    );
+                }
+                context.device.cmd_draw_indexed(cmd, 6 * count as u32, 1, 0, 4 * first as i32, 0);
+            }
+            calls += 1;
+        }
+        calls
+    }
+}
+
+fn points(context: &Context, cmd: vk::CommandBuffer, chunk: &Chunk) -> u32 {
+    // SAFETY: as in `bind`; all three streams hold an entry a point.
+    unsafe {
+        context.device.cmd_bind_vertex_buffers(cmd, 0, &chunk.streams(), &[0; 3]);
+        context.device.cmd_draw(cmd, chunk.count, 1, 0, 0);
+    }
+    1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_of_quads_just_fits_sixteen_bit_indices() {
+        let indices = quad_indices();
+        assert_eq!(indices.len(), 6 * BLOCK);
+        assert_eq!(indices[..12], [0, 1, 2, 2, 1, 3, 4, 5, 6, 6, 5, 7]);
+        assert_eq!(*indices.last().unwrap() as usize, 4 * BLOCK - 1);
+    }
+}

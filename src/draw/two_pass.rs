@@ -1,0 +1,47 @@
+//! Visibility splatting in two passes (Botsch et al. 2005, section 3; MODEL "Two tolerances"): the least z + ε of every
+//! pixel, then weighted sums of all that is not behind it.
+
+use ash::vk;
+
+use crate::gpu::barrier::Access;
+use crate::gpu::pass::{Recorder, Targets as PassTargets, Use};
+
+use super::splats::{Bindings, Draw};
+use super::targets::Targets;
+use super::variant::Role;
+
+/// Draws one view into its layer. `seed` records what fills the depth from the host's, if there is any. Returns the
+/// number of draw calls.
+pub fn draw(
+    recorder: &mut Recorder,
+    targets: &mut Targets,
+    layer: usize,
+    bindings: &Bindings,
+    draws: &[Draw],
+    seed: impl FnOnce(vk::CommandBuffer) -> u32,
+) -> u32 {
+    let mut calls = 0;
+    let extent = targets.plan.extent;
+    let depth = targets.depth.layers[layer];
+    let first = layer == 0;
+    recorder.draw(
+        "visibility",
+        vec![Use::layer(&mut targets.depth, Access::DepthWrite, first)],
+        &PassTargets { colors: &[], depth: Some((depth, Access::DepthWrite, Some(0.0))), extent },
+        |context, cmd| {
+            calls += seed(cmd);
+            calls += bindings.draw(context, cmd, Role::Visibility, draws);
+        },
+    );
+    let colors = targets.sum_attachments(layer);
+    let (depth_image, sums) = targets.split();
+    let mut uses = vec![Use::Image(depth_image, Access::DepthTest)];
+    uses.extend(sums.map(|i| Use::layer(i, Access::ColorWrite, first)));
+    recorder.draw(
+        "accumulate",
+        uses,
+        &PassTargets { colors: &colors, depth: Some((depth, Access::DepthTest, None)), extent },
+        |context, cmd| calls += bindings.draw(context, cmd, Role::Accumulate, draws),
+    );
+    calls
+}

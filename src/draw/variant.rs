@@ -1,0 +1,176 @@
+//! Pipelines of the splat passes, by what distinguishes them.
+
+use std::collections::HashMap;
+
+use ash::vk;
+
+use crate::error::Result;
+use crate::gpu::Context;
+use crate::gpu::program::{BlendMode, ColorTarget, GraphicsInfo, Program, Stream};
+use crate::gpu::spirv::{Shader, generated as spirv};
+use crate::style::{Ellipse, Style};
+
+use super::plan::{CloudTraits, FramePlan};
+use super::targets::{DEPTH, FRONT, TargetPlan};
+
+/// Shaders that share the splats' layout: set 0 parameters, set 1 a chunk, set 2 counters.
+pub const SHADERS: &[&Shader] = &[
+    &spirv::DRAW_POINT_VERT,
+    &spirv::DRAW_QUAD_VERT,
+    &spirv::DRAW_VISIBILITY_FRAG,
+    &spirv::DRAW_ACCUMULATE_FRAG,
+    &spirv::SELECT_COUNT_COMP,
+];
+
+/// Vertex streams of `draw/point.vert`, in the order of `Chunk::streams`.
+const STREAMS: [Stream; 3] = [
+    Stream { stride: 16, format: vk::Format::R32G32B32A32_SFLOAT },
+    Stream { stride: 4, format: vk::Format::R32_UINT },
+    Stream { stride: 4, format: vk::Format::R32_UINT },
+];
+
+/// Which pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Role {
+    /// Least z + ε, depth alone.
+    Visibility,
+    /// Sums of what lies within the tolerance.
+    Accumulate,
+    /// The nearest fragment.
+    Opaque,
+    /// Counting: compute.
+    Count,
+}
+
+/// A pipeline's key: the specialisation constants of `glsl/shared/params.glsl`, and the fixed state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Variant {
+    /// Which pass.
+    pub role: Role,
+    /// Quads pulled from storage, not point primitives.
+    pub quads: bool,
+    /// FOOTPRINT.
+    pub footprint: u32,
+    /// APPROXIMATE.
+    pub approximate: bool,
+    /// CULL_BACK.
+    pub cull: bool,
+    /// HAS_NORMAL.
+    pub normals: bool,
+    /// HAS_COLOR.
+    pub colors: bool,
+    /// LARGE.
+    pub large: bool,
+    /// Attachments: format of the sums, sums of normals, front.
+    pub targets: (vk::Format, bool, bool),
+}
+
+impl Variant {
+    /// The variant that draws a cloud in a pass. `large`: only what sprites cannot hold, as quads.
+    pub fn new(
+        role: Role,
+        plan: &FramePlan,
+        style: &Style,
+        cloud: &CloudTraits,
+        targets: &TargetPlan,
+        large: bool,
+    ) -> Variant {
+        Variant {
+            role,
+            quads: plan.quads || large,
+            footprint: if plan.pixels { 2 } else { plan.disc as u32 },
+            approximate: style.ellipse == Ellipse::Approximate,
+            cull: plan.culls(style, cloud),
+            normals: cloud.normals,
+            colors: cloud.colors,
+            large,
+            targets: (targets.sums, targets.lit, targets.front),
+        }
+    }
+
+    fn build(&self, context: &Context, program: &Program) -> Result<vk::Pipeline> {
+        let constants = [
+            self.footprint,
+            self.approximate as u32,
+            self.cull as u32,
+            self.normals as u32,
+            self.colors as u32,
+            self.large as u32,
+        ];
+        let (sums, lit, front) = self.targets;
+        let target = |on: bool, format, blend| ColorTarget { format: if on { format } else { vk::Format::UNDEFINED }, blend };
+        let colors = |sum, nearest| {
+            [target(true, sums, sum), target(lit, sums, sum), target(front, FRONT, nearest)]
+        };
+        let greater = vk::CompareOp::GREATER_OR_EQUAL;
+        let (name, fragment, colors, depth): (_, _, &[ColorTarget], _) = match self.role {
+            Role::Count => return program.compute(context, "count", &spirv::SELECT_COUNT_COMP, &constants),
+            Role::Visibility => {
+                ("visibility", &spirv::DRAW_VISIBILITY_FRAG, &[], (DEPTH, vk::CompareOp::GREATER, true))
+            }
+            Role::Accumulate => (
+                "accumulate",
+                &spirv::DRAW_ACCUMULATE_FRAG,
+                &colors(BlendMode::Add, BlendMode::Max),
+                (DEPTH, greater, false),
+            ),
+            Role::Opaque => (
+                "opaque",
+                &spirv::DRAW_ACCUMULATE_FRAG,
+                &colors(BlendMode::Replace, BlendMode::Replace),
+                (DEPTH, vk::CompareOp::GREATER, true),
+            ),
+        };
+        program.graphics(
+            context,
+            &GraphicsInfo {
+                name,
+                vertex: if self.quads { &spirv::DRAW_QUAD_VERT } else { &spirv::DRAW_POINT_VERT },
+                fragment,
+                constants: &constants,
+                streams: if self.quads { &[] } else { &STREAMS },
+                topology: if self.quads {
+                    vk::PrimitiveTopology::TRIANGLE_LIST
+                } else {
+                    vk::PrimitiveTopology::POINT_LIST
+                },
+                colors,
+                depth: Some(depth),
+                samples: vk::SampleCountFlags::TYPE_1,
+                view_mask: 0,
+                render_pass: None,
+            },
+        )
+    }
+}
+
+/// Pipelines built so far.
+#[derive(Debug, Default)]
+pub struct Pipelines {
+    built: HashMap<Variant, vk::Pipeline>,
+}
+
+impl Pipelines {
+    /// Builds the variant if it is new, and says whether it was.
+    pub fn ensure(&mut self, context: &Context, program: &Program, variant: Variant) -> Result<bool> {
+        if self.built.contains_key(&variant) {
+            return Ok(false);
+        }
+        let pipeline = variant.build(context, program)?;
+        self.built.insert(variant, pipeline);
+        Ok(true)
+    }
+
+    /// A variant that was ensured.
+    pub fn get(&self, variant: &Variant) -> vk::Pipeline {
+        self.built[variant]
+    }
+
+    /// Destroys them all; none is in use.
+    pub fn destroy(self, context: &Context) {
+        for pipeline in self.built.into_values() {
+            // SAFETY: not in use (a precondition), destroyed once.
+            unsafe { context.device.destroy_pipeline(pipeline, None) };
+        }
+    }
+}

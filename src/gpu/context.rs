@@ -1,0 +1,74 @@
+//! The host's device as the rest of `gpu` sees it.
+
+use std::ffi::CString;
+
+use ash::{ext, vk};
+
+use super::memory::GpuMemory;
+use crate::host::Enabled;
+
+/// Device, what it can do, and where its memory comes from.
+pub struct Context {
+    /// The host's device.
+    pub device: ash::Device,
+    /// Limits of the physical device.
+    pub limits: vk::PhysicalDeviceLimits,
+    /// What the host enabled.
+    pub enabled: Enabled,
+    /// The host's cache, or null.
+    pub pipeline_cache: vk::PipelineCache,
+    /// The host's allocator.
+    pub memory: Box<dyn GpuMemory>,
+    /// Bytes of device memory held now.
+    pub allocated: u64,
+    debug: Option<ext::debug_utils::Device>,
+}
+
+impl Context {
+    /// Wraps the host's handles, which outlive the context.
+    pub fn new(
+        instance: &ash::Instance,
+        physical_device: vk::PhysicalDevice,
+        device: ash::Device,
+        enabled: Enabled,
+        pipeline_cache: vk::PipelineCache,
+        memory: Box<dyn GpuMemory>,
+    ) -> Context {
+        // SAFETY: the physical device belongs to the instance (a precondition of `Host`).
+        let limits = unsafe { instance.get_physical_device_properties(physical_device) }.limits;
+        let debug = enabled.debug_utils.then(|| ext::debug_utils::Device::new(instance, &device));
+        Context { device, limits, enabled, pipeline_cache, memory, allocated: 0, debug }
+    }
+
+    /// Names an object in the host's captures: `surfel.` and `name`.
+    pub fn name<T: vk::Handle>(&self, object: T, name: &str) {
+        if let Some(debug) = &self.debug {
+            let name = c_name(name);
+            let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
+            // SAFETY: the object lives and is not used by another thread now. A refusal costs only the name.
+            let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+        }
+    }
+
+    /// Opens a label in a command buffer.
+    pub fn begin_label(&self, cmd: vk::CommandBuffer, name: &str) {
+        if let Some(debug) = &self.debug {
+            let name = c_name(name);
+            let label = vk::DebugUtilsLabelEXT::default().label_name(&name);
+            // SAFETY: the buffer is recording (a precondition of every caller).
+            unsafe { debug.cmd_begin_debug_utils_label(cmd, &label) };
+        }
+    }
+
+    /// Closes the last label.
+    pub fn end_label(&self, cmd: vk::CommandBuffer) {
+        if let Some(debug) = &self.debug {
+            // SAFETY: the buffer is recording and a label was opened in it by `begin_label`.
+            unsafe { debug.cmd_end_debug_utils_label(cmd) };
+        }
+    }
+}
+
+fn c_name(name: &str) -> CString {
+    CString::new(format!("surfel.{name}")).unwrap_or_default()
+}

@@ -1,0 +1,144 @@
+//! Rust twins of the shaders' blocks, checked member by member against the reflected SPIR-V at compile time.
+
+use std::mem::{offset_of, size_of};
+
+use bytemuck::{Pod, Zeroable};
+
+use super::spirv::generated as spirv;
+
+/// Declares a `repr(C)` block and asserts that its members lie where the shader's do, and that none is missing.
+macro_rules! block {
+    ($(#[$meta:meta])* $name:ident = $module:ident { $($(#[$m:meta])* $field:ident: $ty:ty = $upper:ident),* $(,)? } pad $pad:literal) => {
+        $(#[$meta])*
+        #[repr(C)]
+        #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+        pub struct $name {
+            $($(#[$m])* pub $field: $ty,)*
+            /// Fills the block up to a multiple of its alignment.
+            pub padding: [u32; $pad],
+        }
+        $(const _: () = assert!(offset_of!($name, $field) == spirv::$module::$upper);)*
+        const _: () = assert!([$(spirv::$module::$upper),*].len() == spirv::$module::MEMBERS);
+    };
+}
+
+/// Views a frame can have; the size of the array in `glsl/shared/frame.glsl`.
+pub const MAX_VIEWS: usize = 4;
+
+block! {
+    /// One cloud in one view; `glsl/shared/params.glsl` says what the members mean.
+    DrawParams = draw_params {
+        /// Column-major.
+        eye_from_cloud: [[f32; 4]; 4] = EYE_FROM_CLOUD,
+        /// Row of pixel x.
+        pixel_x: [f32; 4] = PIXEL_X,
+        /// Row of pixel y.
+        pixel_y: [f32; 4] = PIXEL_Y,
+        /// Row of w.
+        pixel_w: [f32; 4] = PIXEL_W,
+        /// Centre of projection.
+        eye: [f32; 4] = EYE,
+        /// Ray of pixel (0, 0).
+        ray_0: [f32; 4] = RAY_0,
+        /// Its change with x.
+        ray_x: [f32; 4] = RAY_X,
+        /// Its change with y.
+        ray_y: [f32; 4] = RAY_Y,
+        /// Internal depth from linear depth.
+        depth_map: [f32; 4] = DEPTH_MAP,
+        /// Linear light.
+        base_color: [f32; 4] = BASE_COLOR,
+        /// [px]
+        viewport: [f32; 2] = VIEWPORT,
+        /// [world units]
+        near: f32 = NEAR,
+        /// Factor from stored to drawn radius.
+        radius_scale: f32 = RADIUS_SCALE,
+        /// [world units]
+        tolerance_absolute: f32 = TOLERANCE_ABSOLUTE,
+        /// In radii.
+        tolerance_relative: f32 = TOLERANCE_RELATIVE,
+        /// [px]
+        low_pass: f32 = LOW_PASS,
+        /// [px]
+        sprite_limit: f32 = SPRITE_LIMIT,
+        /// [px]
+        pixel_size: f32 = PIXEL_SIZE,
+    } pad 3
+}
+
+block! {
+    /// One view of the full-screen passes; `glsl/shared/frame.glsl` says what the members mean.
+    ViewParams = view_params {
+        /// Centre of projection.
+        eye: [f32; 4] = EYE,
+        /// Ray of pixel (0, 0).
+        ray_0: [f32; 4] = RAY_0,
+        /// Its change with x.
+        ray_x: [f32; 4] = RAY_X,
+        /// Its change with y.
+        ray_y: [f32; 4] = RAY_Y,
+        /// Internal depth from linear depth.
+        depth_map: [f32; 4] = DEPTH_MAP,
+        /// Host's depth from linear depth.
+        host_depth: [f32; 4] = HOST_DEPTH,
+    } pad 0
+}
+
+block! {
+    /// The full-screen passes of one frame; `glsl/shared/frame.glsl` says what the members mean.
+    FrameParams = frame_params {
+        /// One entry a view.
+        views: [ViewParams; MAX_VIEWS] = VIEWS,
+        /// Direction and exponent.
+        light: [f32; 4] = LIGHT,
+        /// [px]
+        offset: [f32; 2] = OFFSET,
+        /// [px]
+        extent: [i32; 2] = EXTENT,
+        /// 0 to 1
+        ambient: f32 = AMBIENT,
+        /// 0 to 1
+        specular: f32 = SPECULAR,
+        /// Contrast.
+        edl_strength: f32 = EDL_STRENGTH,
+        /// [px]
+        edl_radius: f32 = EDL_RADIUS,
+    } pad 0
+}
+
+block! {
+    /// What the counting pass found, in splats.
+    Counts = counts {
+        /// As sprites or ordinary quads.
+        drawn: u32 = DRAWN,
+        /// As quads whose fragments cast rays in eye space.
+        too_large: u32 = TOO_LARGE,
+        /// Outside the clip volume.
+        outside: u32 = OUTSIDE,
+        /// Facing away.
+        back_face: u32 = BACK_FACE,
+        /// Not a splat: NaN, infinity, radius zero.
+        invalid: u32 = INVALID,
+    } pad 0
+}
+
+block! {
+    /// Push constant of the counting pass.
+    CountPush = count_push {
+        /// Points in the chunk.
+        count: u32 = COUNT,
+    } pad 0
+}
+
+block! {
+    /// Push constant of the depth seeding pass.
+    SeedPush = seed_push {
+        /// Index of the view.
+        view: u32 = VIEW,
+    } pad 0
+}
+
+// std140 rounds a uniform block up to 16 bytes; the array stride of views is that of the struct.
+const _: () = assert!(size_of::<DrawParams>() == 256 && size_of::<FrameParams>().is_multiple_of(16));
+const _: () = assert!(size_of::<ViewParams>() * MAX_VIEWS == spirv::frame_params::LIGHT);

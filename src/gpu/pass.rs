@@ -1,0 +1,166 @@
+//! A pass opens with everything it owes the reader: label, barrier, timestamp, in one place.
+
+use ash::vk;
+
+use super::barrier::{self, Access};
+use super::context::Context;
+use super::query::Timestamps;
+use super::resource::Image;
+
+/// Records passes into the host's command buffer, outside its own passes.
+pub struct Recorder<'a> {
+    /// Device.
+    pub context: &'a Context,
+    /// The host's command buffer, recording.
+    pub cmd: vk::CommandBuffer,
+    timestamps: Option<&'a mut Timestamps>,
+}
+
+/// What a pass does with a resource.
+pub enum Use<'a> {
+    /// An image, whose last use is known; the content is kept.
+    Image(&'a mut Image, Access),
+    /// An image whose content is given up.
+    Discard(&'a mut Image, Access),
+    /// Any memory, from one use to another.
+    Memory(Access, Access),
+}
+
+impl<'a> Use<'a> {
+    /// A layer of an image that is drawn layer by layer: only the first may give the whole image's content up.
+    pub fn layer(image: &'a mut Image, access: Access, first: bool) -> Use<'a> {
+        if first { Use::Discard(image, access) } else { Use::Image(image, access) }
+    }
+}
+
+/// One colour attachment of a pass: its view, and what happens to its content first.
+pub struct Attachment {
+    /// View of one layer; null leaves the location unused.
+    pub view: vk::ImageView,
+    /// Cleared to this, or kept.
+    pub clear: Option<[f32; 4]>,
+}
+
+/// Where a pass draws.
+pub struct Targets<'a> {
+    /// By location.
+    pub colors: &'a [Attachment],
+    /// Depth view, its access, and the value that it is cleared to, if it is.
+    pub depth: Option<(vk::ImageView, Access, Option<f32>)>,
+    /// [px]
+    pub extent: vk::Extent2D,
+}
+
+impl<'a> Recorder<'a> {
+    /// Records into `cmd`, timing passes where `timestamps` are given.
+    pub fn new(context: &'a Context, cmd: vk::CommandBuffer, timestamps: Option<&'a mut Timestamps>) -> Self {
+        Recorder { context, cmd, timestamps }
+    }
+
+    /// A pass without attachments: copies, compute.
+    pub fn pass(&mut self, name: &'static str, uses: Vec<Use>, body: impl FnOnce(&Context, vk::CommandBuffer)) {
+        self.open(name, uses);
+        body(self.context, self.cmd);
+        self.close();
+    }
+
+    /// A pass that draws, with viewport and scissor set to the whole target.
+    pub fn draw(
+        &mut self,
+        name: &'static str,
+        uses: Vec<Use>,
+        targets: &Targets,
+        body: impl FnOnce(&Context, vk::CommandBuffer),
+    ) {
+        self.open(name, uses);
+        let colors: Vec<_> = targets
+            .colors
+            .iter()
+            .map(|a| {
+                let info = vk::RenderingAttachmentInfo::default().image_view(a.view);
+                match a.clear {
+                    _ if a.view == vk::ImageView::null() => info,
+                    Some(float32) => attachment(info, Access::ColorWrite, vk::AttachmentLoadOp::CLEAR)
+                        .clear_value(vk::ClearValue { color: vk::ClearColorValue { float32 } }),
+                    None => attachment(info, Access::ColorWrite, vk::AttachmentLoadOp::LOAD),
+                }
+            })
+            .collect();
+        let depth = targets.depth.map(|(view, access, clear)| {
+            let info = vk::RenderingAttachmentInfo::default().image_view(view);
+            match clear {
+                Some(depth) => attachment(info, access, vk::AttachmentLoadOp::CLEAR).clear_value(vk::ClearValue {
+                    depth_stencil: vk::ClearDepthStencilValue { depth, stencil: 0 },
+                }),
+                None => attachment(info, access, vk::AttachmentLoadOp::LOAD),
+            }
+        });
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: targets.extent };
+        let mut info = vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
+        if let Some(depth) = &depth {
+            info = info.depth_attachment(depth);
+        }
+        let viewport = vk::Viewport {
+            x: 0.0,
+            y: 0.0,
+            width: targets.extent.width as f32,
+            height: targets.extent.height as f32,
+            min_depth: 0.0,
+            max_depth: 1.0,
+        };
+        // SAFETY: recording outside a pass; the views live until the frame is complete, and `open` moved the images
+        // into the layouts that `attachment` names.
+        unsafe {
+            self.context.device.cmd_begin_rendering(self.cmd, &info);
+            self.context.device.cmd_set_viewport(self.cmd, 0, &[viewport]);
+            self.context.device.cmd_set_scissor(self.cmd, 0, &[area]);
+        }
+        body(self.context, self.cmd);
+        // SAFETY: the pass was begun above.
+        unsafe { self.context.device.cmd_end_rendering(self.cmd) };
+        self.close();
+    }
+
+    /// Barriers alone, for images that leave to be used by others.
+    pub fn barrier(&mut self, uses: Vec<Use>) {
+        let mut images = Vec::new();
+        let mut memory = Vec::new();
+        for item in uses {
+            match item {
+                Use::Image(image, to) => images.extend(barrier::image(image, to, false)),
+                Use::Discard(image, to) => images.extend(barrier::image(image, to, true)),
+                Use::Memory(from, to) => memory.push(barrier::memory(from, to)),
+            }
+        }
+        if images.is_empty() && memory.is_empty() {
+            return;
+        }
+        let info = vk::DependencyInfo::default().image_memory_barriers(&images).memory_barriers(&memory);
+        // SAFETY: recording outside a pass; the images live until the frame is complete.
+        unsafe { self.context.device.cmd_pipeline_barrier2(self.cmd, &info) };
+    }
+
+    fn open(&mut self, name: &'static str, uses: Vec<Use>) {
+        self.context.begin_label(self.cmd, name);
+        self.barrier(uses);
+        if let Some(timestamps) = &mut self.timestamps {
+            timestamps.begin(self.context, self.cmd, name, 1);
+        }
+    }
+
+    fn close(&mut self) {
+        if let Some(timestamps) = &mut self.timestamps {
+            timestamps.end(self.context, self.cmd, 1);
+        }
+        self.context.end_label(self.cmd);
+    }
+}
+
+fn attachment(
+    info: vk::RenderingAttachmentInfo<'_>,
+    access: Access,
+    load: vk::AttachmentLoadOp,
+) -> vk::RenderingAttachmentInfo<'_> {
+    let store = if access == Access::DepthTest { vk::AttachmentStoreOp::NONE } else { vk::AttachmentStoreOp::STORE };
+    info.image_layout(access.layout()).load_op(load).store_op(store)
+}

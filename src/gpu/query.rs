@@ -1,0 +1,96 @@
+//! Timestamps of one frame's passes.
+
+use ash::vk;
+
+use super::context::Context;
+use crate::error::{Named, Result};
+
+/// Queries a frame: two a pass, each as many as a multiview pass may write.
+const CAPACITY: u32 = 128;
+
+/// A pass that was timed.
+#[derive(Debug, Clone)]
+struct Timed {
+    name: &'static str,
+    begin: u32,
+    end: u32,
+}
+
+/// A query pool and what was written to it in this frame.
+#[derive(Debug)]
+pub struct Timestamps {
+    pool: vk::QueryPool,
+    used: u32,
+    timed: Vec<Timed>,
+}
+
+impl Timestamps {
+    /// An empty pool; `None` where the queue has no timestamps.
+    pub fn new(context: &Context) -> Result<Option<Timestamps>> {
+        if !context.enabled.timestamps {
+            return Ok(None);
+        }
+        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(CAPACITY);
+        // SAFETY: the device lives.
+        let pool = unsafe { context.device.create_query_pool(&info, None) }.named("vkCreateQueryPool")?;
+        context.name(pool, "timestamps");
+        Ok(Some(Timestamps { pool, used: 0, timed: Vec::new() }))
+    }
+
+    /// Starts a frame: outside a pass, before any other timestamp of it.
+    pub fn reset(&mut self, context: &Context, cmd: vk::CommandBuffer) {
+        self.used = 0;
+        self.timed.clear();
+        // SAFETY: recording outside a pass, and the last frame that used the pool is complete (preconditions).
+        unsafe { context.device.cmd_reset_query_pool(cmd, self.pool, 0, CAPACITY) };
+    }
+
+    /// Opens a pass; `views` is the number of views of the pass instance that the command is recorded in, 1 outside.
+    pub fn begin(&mut self, context: &Context, cmd: vk::CommandBuffer, name: &'static str, views: u32) {
+        if self.used + 2 * views > CAPACITY {
+            return;
+        }
+        self.timed.push(Timed { name, begin: self.used, end: self.used + views });
+        self.write(context, cmd, views);
+    }
+
+    /// Closes the pass opened last.
+    pub fn end(&mut self, context: &Context, cmd: vk::CommandBuffer, views: u32) {
+        if self.timed.last().is_some_and(|t| t.end == self.used) {
+            self.write(context, cmd, views);
+        }
+    }
+
+    fn write(&mut self, context: &Context, cmd: vk::CommandBuffer, views: u32) {
+        // SAFETY: recording, the query is reset and within the pool. A multiview pass writes `views` consecutive ones.
+        unsafe { context.device.cmd_write_timestamp2(cmd, vk::PipelineStageFlags2::ALL_COMMANDS, self.pool, self.used) };
+        self.used += views;
+    }
+
+    /// Names and durations [ms] of the passes, in order; call once the frame is complete.
+    pub fn read(&self, context: &Context) -> Result<Vec<(&'static str, f64)>> {
+        if self.used == 0 {
+            return Ok(Vec::new());
+        }
+        let mut ticks = vec![0u64; self.used as usize];
+        // SAFETY: the pool lives, the range was written by a frame that is complete (a precondition).
+        unsafe {
+            context.device.get_query_pool_results(
+                self.pool,
+                0,
+                &mut ticks,
+                vk::QueryResultFlags::TYPE_64,
+            )
+        }
+        .named("vkGetQueryPoolResults")?;
+        let ms = context.limits.timestamp_period as f64 * 1e-6;
+        let duration = |t: &Timed| ticks[t.end as usize].wrapping_sub(ticks[t.begin as usize]) as f64 * ms;
+        Ok(self.timed.iter().filter(|t| t.end < self.used).map(|t| (t.name, duration(t))).collect())
+    }
+
+    /// Destroys the pool; the device no longer uses it.
+    pub fn destroy(self, context: &Context) {
+        // SAFETY: not in use (a precondition), destroyed once.
+        unsafe { context.device.destroy_query_pool(self.pool, None) };
+    }
+}

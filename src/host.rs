@@ -1,0 +1,228 @@
+//! What the library asks of the engine that it lives in, and what it is lent.
+
+use std::fmt;
+
+use ash::vk;
+use glam::DMat4;
+
+use crate::gpu::GpuMemory;
+use crate::select::View;
+use crate::style::Style;
+use crate::technique::Technique;
+
+/// One thing that the library needs or would use, and what goes without it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Requirement {
+    /// As the specification names it.
+    pub name: &'static str,
+    /// What is not there without it: the renderer itself, or one path that has a fallback.
+    pub disables: &'static str,
+    /// Whether `Renderer::new` refuses without it.
+    pub required: bool,
+    /// Whether this physical device has it.
+    pub present: bool,
+}
+
+/// What to enable on a device, before the host creates it. No extension is required.
+///
+/// The feature structs hold what is required and what is optional and present; a host merges them into its own chain.
+#[derive(Debug, Clone)]
+pub struct Requirements {
+    /// Every item, required ones first.
+    pub items: Vec<Requirement>,
+    /// Device extensions to enable.
+    pub extensions: Vec<&'static std::ffi::CStr>,
+    /// Core features.
+    pub features: vk::PhysicalDeviceFeatures,
+    /// Vulkan 1.1 features.
+    pub vulkan11: vk::PhysicalDeviceVulkan11Features<'static>,
+    /// Vulkan 1.3 features.
+    pub vulkan13: vk::PhysicalDeviceVulkan13Features<'static>,
+}
+
+impl Requirements {
+    /// Asks a physical device. The instance must be of Vulkan 1.3 and the device belong to it.
+    pub fn query(instance: &ash::Instance, physical_device: vk::PhysicalDevice) -> Requirements {
+        // SAFETY: the physical device belongs to the instance (a precondition).
+        let properties = unsafe { instance.get_physical_device_properties(physical_device) };
+        let modern = properties.api_version >= vk::API_VERSION_1_3;
+        let (mut v11, mut v13) =
+            (vk::PhysicalDeviceVulkan11Features::default(), vk::PhysicalDeviceVulkan13Features::default());
+        let mut core = vk::PhysicalDeviceFeatures::default();
+        if modern {
+            let mut chain = vk::PhysicalDeviceFeatures2::default().push_next(&mut v11).push_next(&mut v13);
+            // SAFETY: as above, and the chain's structs are known to Vulkan 1.3.
+            unsafe { instance.get_physical_device_features2(physical_device, &mut chain) };
+            core = chain.features;
+        }
+        let blendable = |format| {
+            let wanted = vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND | vk::FormatFeatureFlags::SAMPLED_IMAGE;
+            // SAFETY: as above.
+            let found = unsafe { instance.get_physical_device_format_properties(physical_device, format) };
+            found.optimal_tiling_features.contains(wanted)
+        };
+        let timestamps = properties.limits.timestamp_compute_and_graphics == vk::TRUE;
+        let item = |name, disables, required, present| Requirement { name, disables, required, present };
+        let all = "the renderer";
+        let items = vec![
+            item("Vulkan 1.3", all, true, modern),
+            item("dynamicRendering", all, true, v13.dynamic_rendering == vk::TRUE),
+            item("synchronization2", all, true, v13.synchronization2 == vk::TRUE),
+            item("multiview", all, true, v11.multiview == vk::TRUE),
+            item("independentBlend", all, true, core.independent_blend == vk::TRUE),
+            item("blending to R16G16B16A16_SFLOAT", all, true, blendable(vk::Format::R16G16B16A16_SFLOAT)),
+            item("blending to R32_SFLOAT", all, true, blendable(vk::Format::R32_SFLOAT)),
+            item(
+                "blending to R32G32B32A32_SFLOAT",
+                "sums in full precision: half is used",
+                false,
+                blendable(vk::Format::R32G32B32A32_SFLOAT),
+            ),
+            item(
+                "largePoints",
+                "point sprites: quads are drawn",
+                false,
+                core.large_points == vk::TRUE,
+            ),
+            item("timestampComputeAndGraphics", "GPU times in the statistics", false, timestamps),
+        ];
+        Requirements {
+            items,
+            extensions: Vec::new(),
+            features: vk::PhysicalDeviceFeatures::default()
+                .independent_blend(true)
+                .large_points(core.large_points == vk::TRUE),
+            vulkan11: vk::PhysicalDeviceVulkan11Features::default().multiview(true),
+            vulkan13: vk::PhysicalDeviceVulkan13Features::default().dynamic_rendering(true).synchronization2(true),
+        }
+    }
+
+    /// Required items that this device lacks; empty: the renderer will run.
+    pub fn missing(&self) -> Vec<Requirement> {
+        self.items.iter().filter(|i| i.required && !i.present).copied().collect()
+    }
+
+    /// What is enabled on a device that is created with exactly these features. `debug_utils`: the instance has
+    /// `VK_EXT_debug_utils`.
+    pub fn enabled(&self, debug_utils: bool) -> Enabled {
+        let has = |name| self.items.iter().any(|i| i.name == name && i.present);
+        Enabled {
+            large_points: has("largePoints"),
+            full_precision_blend: has("blending to R32G32B32A32_SFLOAT"),
+            timestamps: has("timestampComputeAndGraphics"),
+            debug_utils,
+        }
+    }
+}
+
+impl fmt::Display for Requirement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} (disables {})", self.name, self.disables)
+    }
+}
+
+/// What the host really enabled: nothing else is used, whatever the device could do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Enabled {
+    /// Feature `largePoints`.
+    pub large_points: bool,
+    /// Format feature: R32G32B32A32_SFLOAT can be blended.
+    pub full_precision_blend: bool,
+    /// The queue family of the command buffers has timestamps.
+    pub timestamps: bool,
+    /// Instance extension `VK_EXT_debug_utils`.
+    pub debug_utils: bool,
+}
+
+/// What the host lends. All of it outlives the renderer, and stays the host's to destroy.
+pub struct Host {
+    /// Made for Vulkan 1.3.
+    pub instance: ash::Instance,
+    /// Of that instance.
+    pub physical_device: vk::PhysicalDevice,
+    /// Of that physical device, with at least the required features.
+    pub device: ash::Device,
+    /// What was enabled on it.
+    pub enabled: Enabled,
+    /// Where device memory comes from.
+    pub memory: Box<dyn GpuMemory>,
+    /// Or null.
+    pub pipeline_cache: vk::PipelineCache,
+}
+
+/// What `composite` draws into. Fixed for a renderer's life.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct TargetFormats {
+    /// Of the host's only colour attachment. Formats that end in `_SRGB` are encoded by the device.
+    pub color: vk::Format,
+    /// Of the host's depth attachment, if it has one.
+    pub depth: Option<vk::Format>,
+    /// Samples a pixel of both.
+    pub samples: vk::SampleCountFlags,
+    /// Views of the host's pass, as bits from bit 0 without gaps; 0 without multiview.
+    pub view_mask: u32,
+    /// How the host draws.
+    pub pass: PassKind,
+    /// Encode to sRGB in the shader: for a `_UNORM` target that is shown as it is. The host's blending is then in
+    /// encoded values too.
+    pub encode_srgb: bool,
+}
+
+/// How the host begins the pass that `composite` is recorded in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum PassKind {
+    /// `vkCmdBeginRendering`.
+    Dynamic,
+    /// `vkCmdBeginRenderPass` with a compatible render pass.
+    RenderPass {
+        /// A compatible render pass; only used to make the pipeline.
+        pass: vk::RenderPass,
+        /// Index of the subpass, with one colour attachment.
+        subpass: u32,
+    },
+}
+
+/// A cloud that was handed to a renderer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct CloudId(pub(crate) u64);
+
+/// A cloud in a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Instance {
+    /// Which cloud.
+    pub cloud: CloudId,
+    /// From the cloud's world to the scene's: rotation, uniform scale, translation.
+    pub transform: DMat4,
+}
+
+/// The host's depth, to be hidden by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HostDepth {
+    /// A `2D_ARRAY` view of the depth aspect, single-sampled, a layer a view, covering the target.
+    pub view: vk::ImageView,
+    /// The layout that the image is in while `render`'s commands run, one that allows sampling.
+    pub layout: vk::ImageLayout,
+}
+
+/// One frame as plain data.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameInput<'a> {
+    /// The host's counter: greater than that of every earlier frame.
+    pub id: u64,
+    /// Size of the picture [px], at least 1 × 1.
+    pub extent: vk::Extent2D,
+    /// Where in the host's target the picture begins [px].
+    pub offset: vk::Offset2D,
+    /// One view, or as many as the target's mask has bits; at most [`MAX_VIEWS`](crate::MAX_VIEWS).
+    pub views: &'a [View],
+    /// What is drawn, in this order.
+    pub instances: &'a [Instance],
+    /// How.
+    pub technique: Technique,
+    /// And how it looks.
+    pub style: &'a Style,
+    /// Depth of the host's opaque geometry, if there is any.
+    pub host_depth: Option<HostDepth>,
+    /// Count what is drawn and culled: one compute pass more.
+    pub count: bool,
+}

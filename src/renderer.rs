@@ -1,0 +1,554 @@
+//! The renderer: `new → add → (prepare → render → composite → retire)* → destroy`.
+//!
+//! It records into the host's command buffers and never submits, waits, presents or makes a device.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ash::vk;
+
+use crate::composite::{Composite, resolve};
+use crate::draw::cloud::DeviceCloud;
+use crate::draw::large::may_hold_large;
+use crate::draw::params::{Camera, frame_params, scale};
+use crate::draw::plan::{CloudTraits, FramePlan};
+use crate::draw::slot::{PARAMS_STRIDE, Slot};
+use crate::draw::splats::{Bindings, Draw, quad_indices};
+use crate::draw::targets::{TargetPlan, Targets};
+use crate::draw::variant::{Pipelines, Role, SHADERS, Variant};
+use crate::draw::{count, opaque, two_pass};
+use crate::error::{Error, Result};
+use crate::gpu::Context;
+use crate::gpu::barrier::Access;
+use crate::gpu::layout::{CountPush, MAX_VIEWS};
+use crate::gpu::memory::Location;
+use crate::gpu::pass::{Recorder, Use};
+use crate::gpu::program::Program;
+use crate::gpu::resource::Buffer;
+use crate::gpu::retire::{RetireQueue, Retired};
+use crate::gpu::upload::Upload;
+use crate::host::{CloudId, FrameInput, Host, Instance, Requirements, TargetFormats};
+use crate::select::DrawList;
+use crate::stats::{FrameStats, PassTime, Skip};
+use crate::structure::Flat;
+use crate::technique::Blend;
+
+/// Draws clouds into frames that a host records.
+pub struct Renderer {
+    context: Context,
+    formats: TargetFormats,
+    splats: Program,
+    pipelines: Pipelines,
+    composite: Composite,
+    indices: Option<Buffer>,
+    clouds: BTreeMap<CloudId, DeviceCloud>,
+    next_cloud: u64,
+    targets: Option<Targets>,
+    slots: Vec<Slot>,
+    retired: RetireQueue,
+    current: Option<Current>,
+    newest: u64,
+    completed: u64,
+    /// Bytes that one `prepare` uploads at most, rounded up to a chunk (64 MiB of geometry and its attributes): the rest
+    /// follows in later frames, and what is there is drawn. Unlimited by default.
+    pub upload_budget: u64,
+}
+
+/// A frame between `prepare` and `composite`.
+struct Current {
+    slot: usize,
+    plan: FramePlan,
+    blend: Blend,
+    resolve: resolve::Variant,
+    area: vk::Rect2D,
+    host_depth: bool,
+    clouds: Vec<CloudId>,
+    views: Vec<Vec<Draw>>,
+}
+
+impl Renderer {
+    /// Makes a renderer for one kind of target.
+    ///
+    /// Fails with [`Error::Unsupported`], naming every missing item, where the device lacks something required.
+    ///
+    /// # Safety
+    /// - `host.instance`, `host.physical_device` and `host.device` belong together and outlive the renderer.
+    /// - The device was made with the required features of [`Requirements`], and `host.enabled` claims no more than was
+    ///   enabled on it.
+    /// - A render pass in `formats` is valid during this call, and during every `prepare` that builds a pipeline.
+    pub unsafe fn new(host: Host, formats: TargetFormats) -> Result<Renderer> {
+        let missing = Requirements::query(&host.instance, host.physical_device).missing();
+        if !missing.is_empty() {
+            let names: Vec<_> = missing.iter().map(|m| m.to_string()).collect();
+            return Err(Error::Unsupported(format!("this device lacks {}", names.join(", "))));
+        }
+        if formats.view_mask.trailing_ones() != u32::BITS - formats.view_mask.leading_zeros()
+            || formats.view_mask.count_ones() as usize > MAX_VIEWS
+        {
+            return Err(Error::Unsupported(format!(
+                "view mask {:#b}: bits from 0 without gaps, at most {MAX_VIEWS}",
+                formats.view_mask
+            )));
+        }
+        let context = Context::new(
+            &host.instance,
+            host.physical_device,
+            host.device,
+            host.enabled,
+            host.pipeline_cache,
+            host.memory,
+        );
+        let push = vk::PushConstantRange {
+            stage_flags: vk::ShaderStageFlags::COMPUTE,
+            offset: 0,
+            size: size_of::<CountPush>() as u32,
+        };
+        let splats = Program::new(&context, "splats", SHADERS, true, Some(push))?;
+        let composite = match Composite::new(&context, formats) {
+            Ok(composite) => composite,
+            Err(e) => {
+                splats.destroy(&context);
+                return Err(e);
+            }
+        };
+        Ok(Renderer {
+            context,
+            formats,
+            splats,
+            pipelines: Pipelines::default(),
+            composite,
+            indices: None,
+            clouds: BTreeMap::new(),
+            next_cloud: 1,
+            targets: None,
+            slots: Vec::new(),
+            retired: RetireQueue::default(),
+            current: None,
+            newest: 0,
+            completed: 0,
+            upload_budget: u64::MAX,
+        })
+    }
+
+    /// Takes a cloud in; it is uploaded by the next `prepare` calls, and drawn as far as it is there.
+    pub fn add(&mut self, flat: Arc<Flat>) -> Result<CloudId> {
+        let id = CloudId(self.next_cloud);
+        self.clouds.insert(id, DeviceCloud::new(&self.context, flat)?);
+        self.next_cloud += 1;
+        Ok(id)
+    }
+
+    /// Gives a cloud up, at any time between frames: its memory is freed when every frame recorded so far is complete.
+    /// Unknown ids are ignored.
+    pub fn remove(&mut self, id: CloudId) {
+        if let Some(cloud) = self.clouds.remove(&id) {
+            cloud.retire(&mut self.retired, self.newest);
+        }
+    }
+
+    /// Bytes that the next `prepare` calls have to upload.
+    pub fn pending_upload(&self) -> u64 {
+        self.clouds.values().map(DeviceCloud::pending).sum()
+    }
+
+    /// Records uploads and what a frame needs before it draws.
+    ///
+    /// # Safety
+    /// - `cmd` is recording, outside any pass, on a queue family with graphics and compute; `render` and `composite` of
+    ///   this frame follow in the same or later command buffers of the same queue, submitted in this order, before the
+    ///   next frame's `prepare`.
+    /// - `input.id` is greater than that of every earlier frame; frames are submitted in order of their ids.
+    /// - The clouds in `input.instances` were added and not removed; `input.host_depth`'s view is valid until the frame
+    ///   is complete.
+    /// - The views are as [`View`](crate::select::View) demands; their number is that of the target's view mask, or 1.
+    pub unsafe fn prepare(&mut self, cmd: vk::CommandBuffer, input: &FrameInput) -> Result<()> {
+        debug_assert!(input.id > self.newest, "frame ids grow");
+        debug_assert_eq!(input.views.len(), (self.formats.view_mask.count_ones() as usize).max(1), "a view a bit");
+        self.current = None;
+        self.newest = input.id;
+        let mut stats = FrameStats { frame: input.id, ..FrameStats::default() };
+
+        let traits: Vec<CloudTraits> = input.instances.iter().map(|i| self.cloud(i).traits()).collect();
+        let plan = FramePlan::new(
+            &input.technique,
+            input.style,
+            &traits,
+            self.formats.depth.is_some(),
+            input.host_depth.is_some(),
+            self.context.enabled.large_points,
+        );
+        stats.skipped.clone_from(&plan.skipped);
+        self.ensure_targets(input, &plan)?;
+        let draws = (input.views.len() * input.instances.len()).max(1) as u64;
+        let slot = self.ensure_slot(input.id, draws)?;
+        if let Some(timestamps) = &mut self.slots[slot].timestamps {
+            timestamps.reset(&self.context, cmd);
+        }
+        stats.bytes_uploaded = self.upload(cmd, slot, input.id)?;
+
+        let Some(targets) = &self.targets else { unreachable!("made above") };
+        let targets_plan = targets.plan;
+        let cameras: Vec<Camera> = input.views.iter().map(|v| Camera::new(v, input.extent)).collect();
+        let sprite_limit = if plan.quads { f64::MAX } else { self.context.limits.point_size_range[1] as f64 };
+        let mut params = Vec::new();
+        let mut views = Vec::new();
+        for camera in &cameras {
+            let mut draws = Vec::new();
+            for (i, (instance, cloud_traits)) in input.instances.iter().zip(&traits).enumerate() {
+                let flat = &self.cloud(instance).flat;
+                let block = camera.draw_params(
+                    input.extent,
+                    &instance.transform,
+                    flat.origin,
+                    input.style,
+                    plan.disc,
+                    sprite_limit.min(3e38) as f32,
+                );
+                let (matrix, _) = camera.eye_from_cloud(&instance.transform, flat.origin);
+                // A point of a given size is a sprite or, with quads, a quad: never cast.
+                let may_be_large = |b: &&crate::structure::flat::Block| {
+                    !plan.pixels
+                        && may_hold_large(
+                            b,
+                            camera,
+                            &matrix,
+                            input.style.radius_scale as f64 * scale(&instance.transform),
+                            input.style.low_pass as f64,
+                            input.extent,
+                            sprite_limit,
+                        )
+                };
+                let resident = self.cloud(instance).resident();
+                let large: Vec<u32> = (0..)
+                    .zip(flat.blocks.iter().take_while(|b| (b.first as usize) < resident))
+                    .filter(|(_, b)| may_be_large(b))
+                    .map(|(i, _)| i)
+                    .collect();
+                let variant = |large| {
+                    Variant::new(Role::Visibility, &plan, input.style, cloud_traits, &targets_plan, large)
+                };
+                draws.push(Draw {
+                    cloud: i,
+                    params: (params.len() as u64 * PARAMS_STRIDE) as u32,
+                    main: variant(false),
+                    large,
+                    large_variant: variant(true),
+                });
+                params.push(block);
+            }
+            views.push(draws);
+        }
+        let any_large = views.iter().flatten().any(|d| !d.large.is_empty());
+        if !any_large {
+            stats.skipped.push(Skip {
+                stage: "large footprints",
+                reason: "no block has a splat near the eye or beyond the point size limit",
+            });
+        }
+        stats.pipelines_built = self.ensure_pipelines(input, &plan, &views)?;
+        self.ensure_indices(cmd, input.id, plan.quads || any_large)?;
+
+        let slot_ref = &mut self.slots[slot];
+        let Some(targets) = &self.targets else { unreachable!("made above") };
+        let frame = frame_params(&cameras, input.extent, input.offset, input.style);
+        slot_ref.write(&self.context, &params, &frame, targets, input.host_depth, self.composite.sampler);
+        slot_ref.counted = input.count;
+
+        let list = DrawList::all(input.instances.iter().map(|i| self.cloud(i).resident() as u32));
+        stats.points_submitted = list.submitted() * input.views.len() as u64;
+        let clouds: Vec<CloudId> = input.instances.iter().map(|i| i.cloud).collect();
+        if input.count {
+            let cloud_refs: Vec<&DeviceCloud> = clouds.iter().map(|id| &self.clouds[id]).collect();
+            let slot_ref = &mut self.slots[slot];
+            let bindings = Bindings {
+                program: &self.splats,
+                pipelines: &self.pipelines,
+                params: slot_ref.params_set,
+                indices: self.indices.as_ref(),
+                clouds: &cloud_refs,
+            };
+            let mut recorder = Recorder::new(&self.context, cmd, slot_ref.timestamps.as_mut());
+            stats.draw_calls +=
+                count::record(&mut recorder, &bindings, &slot_ref.counts, slot_ref.counts_set, &views);
+        } else {
+            stats.skipped.push(Skip { stage: "count", reason: "no statistics of points asked for" });
+        }
+        stats.device_bytes = self.context.allocated;
+        self.slots[slot].stats = Some(stats);
+        let convention = input.views[0].depth;
+        let resolve = resolve::Variant::new(&plan, input.style, input.technique.blend, convention);
+        self.current = Some(Current {
+            slot,
+            plan,
+            blend: input.technique.blend,
+            resolve,
+            area: vk::Rect2D { offset: input.offset, extent: input.extent },
+            host_depth: input.host_depth.is_some(),
+            clouds,
+            views,
+        });
+        Ok(())
+    }
+
+    /// Records all splat passes into the library's own targets.
+    ///
+    /// # Safety
+    /// - `prepare` was recorded for this frame, and `cmd` is as there: recording, outside any pass.
+    /// - The host's depth, if given, is in its stated layout, and its writes are visible to sampled reads in fragment
+    ///   shaders.
+    pub unsafe fn render(&mut self, cmd: vk::CommandBuffer) -> Result<()> {
+        let current = self.current.as_ref().expect("prepare comes before render");
+        let Some(targets) = &mut self.targets else { unreachable!("made by prepare") };
+        let clouds: Vec<&DeviceCloud> = current.clouds.iter().map(|id| &self.clouds[id]).collect();
+        let slot = &mut self.slots[current.slot];
+        let bindings = Bindings {
+            program: &self.splats,
+            pipelines: &self.pipelines,
+            params: slot.params_set,
+            indices: self.indices.as_ref(),
+            clouds: &clouds,
+        };
+        let mut calls = 0;
+        let mut recorder = Recorder::new(&self.context, cmd, slot.timestamps.as_mut());
+        for (layer, draws) in current.views.iter().enumerate() {
+            let (context, composite, set) = (&self.context, &self.composite, slot.frame_set);
+            let seed = |cmd| composite.seed(context, cmd, set, layer as u32);
+            calls += match current.blend {
+                Blend::TwoPass => two_pass::draw(
+                    &mut recorder,
+                    targets,
+                    layer,
+                    &bindings,
+                    draws,
+                    |cmd| if current.host_depth { seed(cmd) } else { 0 },
+                ),
+                Blend::Opaque => opaque::draw(
+                    &mut recorder,
+                    targets,
+                    layer,
+                    &bindings,
+                    draws,
+                    current.host_depth.then_some(seed),
+                ),
+            };
+        }
+        // Ready for `composite`, which may not place barriers inside the host's pass.
+        recorder.barrier(targets.split().1.map(|i| Use::Image(i, Access::FragmentRead)).collect());
+        if let Some(stats) = &mut slot.stats {
+            stats.draw_calls += calls;
+        }
+        Ok(())
+    }
+
+    /// Records one triangle into the host's pass: premultiplied colour over what is there and, with a depth target, the
+    /// front's depth, tested against the host's.
+    ///
+    /// # Safety
+    /// - `render` was recorded for this frame; `cmd` is recording inside a pass of the kind and formats given to `new`,
+    ///   and on the same queue.
+    /// - The target covers offset and extent of the frame's input.
+    pub unsafe fn composite(&mut self, cmd: vk::CommandBuffer) -> Result<()> {
+        let current = self.current.take().expect("render comes before composite");
+        let slot = &mut self.slots[current.slot];
+        let views = current.views.len() as u32;
+        self.context.begin_label(cmd, "composite");
+        if let Some(timestamps) = &mut slot.timestamps {
+            timestamps.begin(&self.context, cmd, "composite", views);
+        }
+        self.composite.resolve(&self.context, cmd, current.resolve, slot.frame_set, current.area);
+        if let Some(timestamps) = &mut slot.timestamps {
+            timestamps.end(&self.context, cmd, views);
+        }
+        self.context.end_label(cmd);
+        if let Some(stats) = &mut slot.stats {
+            stats.draw_calls += 1;
+            debug_assert!(current.plan.lit || current.resolve.is_unlit());
+        }
+        Ok(())
+    }
+
+    /// Frees what only frames up to `completed` used, and returns their statistics, oldest first.
+    ///
+    /// `completed` is the host's counter: every frame with an id up to it was submitted and is complete on the device.
+    pub fn retire(&mut self, completed: u64) -> Result<Vec<FrameStats>> {
+        self.completed = self.completed.max(completed);
+        self.retired.collect(&mut self.context, self.completed);
+        let mut done = Vec::new();
+        for slot in self.slots.iter_mut().filter(|s| s.frame <= self.completed) {
+            let Some(mut stats) = slot.stats.take() else { continue };
+            if let Some(timestamps) = &slot.timestamps {
+                let times = timestamps.read(&self.context)?;
+                stats.passes = times.into_iter().map(|(name, gpu_ms)| PassTime { name, gpu_ms }).collect();
+            }
+            if slot.counted {
+                let (drawn, culled) = count::account(&slot.read_counts());
+                stats.points_drawn = Some(drawn);
+                stats.culled = Some(culled);
+            }
+            done.push(stats);
+        }
+        done.sort_by_key(|s| s.frame);
+        Ok(done)
+    }
+
+    /// Bytes of device memory held now.
+    pub fn device_bytes(&self) -> u64 {
+        self.context.allocated
+    }
+
+    /// Destroys everything. The device no longer executes any frame that was recorded.
+    ///
+    /// # Safety
+    /// - Every frame recorded is complete, or was never submitted and will not be.
+    pub unsafe fn destroy(mut self) {
+        let context = &mut self.context;
+        for cloud in std::mem::take(&mut self.clouds).into_values() {
+            cloud.retire(&mut self.retired, u64::MAX);
+        }
+        self.retired.collect(context, u64::MAX);
+        for slot in self.slots {
+            slot.destroy(context);
+        }
+        if let Some(targets) = self.targets {
+            targets.destroy(context);
+        }
+        if let Some(indices) = self.indices {
+            indices.destroy(context);
+        }
+        self.pipelines.destroy(context);
+        self.composite.destroy(context);
+        self.splats.destroy(context);
+        debug_assert_eq!(context.allocated, 0, "everything was given back");
+    }
+
+    fn cloud(&self, instance: &Instance) -> &DeviceCloud {
+        self.clouds.get(&instance.cloud).expect("an instance's cloud was added and not removed")
+    }
+
+    fn ensure_targets(&mut self, input: &FrameInput, plan: &FramePlan) -> Result<()> {
+        let full = self.context.enabled.full_precision_blend;
+        let mut wanted = TargetPlan {
+            extent: input.extent,
+            layers: input.views.len() as u32,
+            sums: if full { vk::Format::R32G32B32A32_SFLOAT } else { vk::Format::R16G16B16A16_SFLOAT },
+            lit: plan.lit,
+            front: plan.front,
+        };
+        if let Some(old) = &self.targets {
+            if old.plan == wanted {
+                return Ok(());
+            }
+            // Of the same size, attachments are only ever added: styles that alternate must not remake them.
+            if old.plan.extent == wanted.extent && old.plan.layers == wanted.layers {
+                wanted.lit |= old.plan.lit;
+                wanted.front |= old.plan.front;
+                if old.plan == wanted {
+                    return Ok(());
+                }
+            }
+        }
+        let made = Targets::new(&mut self.context, wanted)?;
+        if let Some(old) = self.targets.replace(made) {
+            old.retire(&mut self.retired, input.id - 1);
+        }
+        Ok(())
+    }
+
+    /// A slot whose last frame is complete and that has room for so many clouds times views.
+    fn ensure_slot(&mut self, frame: u64, draws: u64) -> Result<usize> {
+        let free = self.slots.iter().position(|s| s.frame <= self.completed && s.stats.is_none());
+        let index = match free {
+            Some(index) if self.slots[index].capacity() >= draws => index,
+            Some(index) => {
+                let slot = Slot::new(&mut self.context, &self.splats, &self.composite, draws.next_power_of_two())?;
+                std::mem::replace(&mut self.slots[index], slot).destroy(&mut self.context);
+                index
+            }
+            None => {
+                let slot = Slot::new(&mut self.context, &self.splats, &self.composite, draws.next_power_of_two())?;
+                self.slots.push(slot);
+                self.slots.len() - 1
+            }
+        };
+        self.slots[index].frame = frame;
+        Ok(index)
+    }
+
+    fn upload(&mut self, cmd: vk::CommandBuffer, slot: usize, frame: u64) -> Result<u64> {
+        let mut bytes = 0;
+        let mut uploads: Vec<Upload> = Vec::new();
+        let mut failed = None;
+        'clouds: for cloud in self.clouds.values_mut() {
+            while bytes < self.upload_budget {
+                match cloud.upload_next(&mut self.context, &self.splats) {
+                    Ok(Some(upload)) => {
+                        bytes += upload.staging.size;
+                        uploads.push(upload);
+                    }
+                    Ok(None) => break,
+                    Err(e) => {
+                        failed = Some(e);
+                        break 'clouds;
+                    }
+                }
+            }
+        }
+        if !uploads.is_empty() {
+            let timestamps = self.slots[slot].timestamps.as_mut();
+            let mut recorder = Recorder::new(&self.context, cmd, timestamps);
+            recorder.pass("upload", vec![], |context, cmd| uploads.iter().for_each(|u| u.record(context, cmd)));
+            recorder.barrier(vec![Use::Memory(Access::CopyWrite, Access::VertexRead)]);
+        }
+        for upload in uploads {
+            self.retired.push(frame, Retired::Buffer(upload.staging));
+        }
+        failed.map_or(Ok(bytes), Err)
+    }
+
+    fn ensure_pipelines(&mut self, input: &FrameInput, plan: &FramePlan, views: &[Vec<Draw>]) -> Result<u32> {
+        let roles: &[Role] = match input.technique.blend {
+            Blend::TwoPass => &[Role::Visibility, Role::Accumulate],
+            Blend::Opaque => &[Role::Opaque],
+        };
+        let mut built = 0;
+        for draw in views.iter().flatten() {
+            for &role in roles {
+                for variant in [draw.main, draw.large_variant] {
+                    built +=
+                        self.pipelines.ensure(&self.context, &self.splats, Variant { role, ..variant })? as u32;
+                }
+            }
+            if input.count {
+                let variant = Variant { role: Role::Count, ..draw.main };
+                built += self.pipelines.ensure(&self.context, &self.splats, variant)? as u32;
+            }
+        }
+        let resolve = resolve::Variant::new(plan, input.style, input.technique.blend, input.views[0].depth);
+        built += self.composite.ensure(&self.context, resolve)? as u32;
+        Ok(built)
+    }
+
+    fn ensure_indices(&mut self, cmd: vk::CommandBuffer, frame: u64, needed: bool) -> Result<()> {
+        if !needed || self.indices.is_some() {
+            return Ok(());
+        }
+        let indices = quad_indices();
+        let data: &[u8] = bytemuck::cast_slice(&indices);
+        let usage = vk::BufferUsageFlags::INDEX_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
+        let buffer = Buffer::new(&mut self.context, "quad_indices", data.len() as u64, usage, Location::Device)?;
+        let mut upload = match Upload::new(&mut self.context, data.len() as u64) {
+            Ok(upload) => upload,
+            Err(e) => {
+                buffer.destroy(&mut self.context);
+                return Err(e);
+            }
+        };
+        upload.write(&buffer, data);
+        let mut recorder = Recorder::new(&self.context, cmd, None);
+        recorder.pass("upload indices", vec![], |context, cmd| upload.record(context, cmd));
+        recorder.barrier(vec![Use::Memory(Access::CopyWrite, Access::VertexRead)]);
+        self.retired.push(frame, Retired::Buffer(upload.staging));
+        self.indices = Some(buffer);
+        Ok(())
+    }
+}

@@ -1,0 +1,9 @@
+//! Our own instance, device and queue: for the command line, tests and benchmarks. Embedders bring theirs.
+
+mod device;
+mod offscreen;
+pub mod validation;
+
+pub use device::{DeviceInfo, Options, Standalone};
+pub use offscreen::{FrameTimes, Offscreen, Shot};
+pub use validation::{Layers, Message};

@@ -1,0 +1,73 @@
+//! What a frame did, and what it did not have to do.
+
+/// A stage that did not run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Skip {
+    /// Name of the stage.
+    pub stage: &'static str,
+    /// Why it was not needed, or what was used in its place.
+    pub reason: &'static str,
+}
+
+/// Points that were not drawn, by what; counted only where [`FrameInput::count`](crate::FrameInput::count) asks for it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Culled {
+    /// By a structure's interval test.
+    pub interval: u64,
+    /// Outside the clip volume.
+    pub frustum: u64,
+    /// Facing away.
+    pub cone: u64,
+    /// Behind something.
+    pub occluded: u64,
+    /// Not a splat: NaN, infinity, radius zero.
+    pub invalid: u64,
+}
+
+impl Culled {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.interval + self.frustum + self.cone + self.occluded + self.invalid
+    }
+}
+
+/// One pass and its time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PassTime {
+    /// The pass's name, as in its debug label.
+    pub name: &'static str,
+    /// Time on the device [ms], from its timestamps.
+    pub gpu_ms: f64,
+}
+
+/// One frame's account. Over all views; with n views every point is submitted n times.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FrameStats {
+    /// The frame's id.
+    pub frame: u64,
+    /// Points given to the device.
+    pub points_submitted: u64,
+    /// Points that passed selection and lie in the clip volume; `None` where nothing was counted.
+    pub points_drawn: Option<u64>,
+    /// The rest: `points_submitted = points_drawn + culled.total()`. `None` where nothing was counted.
+    pub culled: Option<Culled>,
+    /// Recorded draw and dispatch calls.
+    pub draw_calls: u32,
+    /// In order; empty where the device has no timestamps.
+    pub passes: Vec<PassTime>,
+    /// What did not run.
+    pub skipped: Vec<Skip>,
+    /// Bytes copied to the device in this frame.
+    pub bytes_uploaded: u64,
+    /// Bytes of device memory held.
+    pub device_bytes: u64,
+    /// Pipelines built in this frame: 0 after warm-up.
+    pub pipelines_built: u32,
+}
+
+impl FrameStats {
+    /// Time of all passes [ms].
+    pub fn gpu_ms(&self) -> f64 {
+        self.passes.iter().map(|p| p.gpu_ms).sum()
+    }
+}
