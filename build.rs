@@ -80,13 +80,7 @@ fn stage(path: &Path) -> Result<(shaderc::ShaderKind, &'static str)> {
     })
 }
 
-fn compile(
-    compiler: &shaderc::Compiler,
-    root: &Path,
-    path: &Path,
-    source: &str,
-    optimise: bool,
-) -> Result<Vec<u32>> {
+fn compile(compiler: &shaderc::Compiler, root: &Path, path: &Path, source: &str, optimise: bool) -> Result<Vec<u32>> {
     let mut options = shaderc::CompileOptions::new().context("shaderc options")?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
     options.set_target_spirv(shaderc::SpirvVersion::V1_6);

@@ -70,20 +70,9 @@ impl Requirements {
             item("synchronization2", all, true, v13.synchronization2 == vk::TRUE),
             item("multiview", all, true, v11.multiview == vk::TRUE),
             item("independentBlend", all, true, core.independent_blend == vk::TRUE),
-            item("blending to R16G16B16A16_SFLOAT", all, true, blendable(vk::Format::R16G16B16A16_SFLOAT)),
-            item("blending to R32_SFLOAT", all, true, blendable(vk::Format::R32_SFLOAT)),
-            item(
-                "blending to R32G32B32A32_SFLOAT",
-                "sums in full precision: half is used",
-                false,
-                blendable(vk::Format::R32G32B32A32_SFLOAT),
-            ),
-            item(
-                "largePoints",
-                "point sprites: quads are drawn",
-                false,
-                core.large_points == vk::TRUE,
-            ),
+            item("maintenance4", all, true, v13.maintenance4 == vk::TRUE),
+            item("blending to R32G32B32A32_SFLOAT", all, true, blendable(vk::Format::R32G32B32A32_SFLOAT)),
+            item("largePoints", "point sprites: quads are drawn", false, core.large_points == vk::TRUE),
             item("timestampComputeAndGraphics", "GPU times in the statistics", false, timestamps),
         ];
         Requirements {
@@ -93,7 +82,10 @@ impl Requirements {
                 .independent_blend(true)
                 .large_points(core.large_points == vk::TRUE),
             vulkan11: vk::PhysicalDeviceVulkan11Features::default().multiview(true),
-            vulkan13: vk::PhysicalDeviceVulkan13Features::default().dynamic_rendering(true).synchronization2(true),
+            vulkan13: vk::PhysicalDeviceVulkan13Features::default()
+                .dynamic_rendering(true)
+                .synchronization2(true)
+                .maintenance4(true),
         }
     }
 
@@ -106,12 +98,7 @@ impl Requirements {
     /// `VK_EXT_debug_utils`.
     pub fn enabled(&self, debug_utils: bool) -> Enabled {
         let has = |name| self.items.iter().any(|i| i.name == name && i.present);
-        Enabled {
-            large_points: has("largePoints"),
-            full_precision_blend: has("blending to R32G32B32A32_SFLOAT"),
-            timestamps: has("timestampComputeAndGraphics"),
-            debug_utils,
-        }
+        Enabled { large_points: has("largePoints"), timestamps: has("timestampComputeAndGraphics"), debug_utils }
     }
 }
 
@@ -126,8 +113,6 @@ impl fmt::Display for Requirement {
 pub struct Enabled {
     /// Feature `largePoints`.
     pub large_points: bool,
-    /// Format feature: R32G32B32A32_SFLOAT can be blended.
-    pub full_precision_blend: bool,
     /// The queue family of the command buffers has timestamps.
     pub timestamps: bool,
     /// Instance extension `VK_EXT_debug_utils`.

@@ -224,9 +224,8 @@ impl Renderer {
                     .filter(|(_, b)| may_be_large(b))
                     .map(|(i, _)| i)
                     .collect();
-                let variant = |large| {
-                    Variant::new(Role::Visibility, &plan, input.style, cloud_traits, &targets_plan, large)
-                };
+                let variant =
+                    |large| Variant::new(Role::Visibility, &plan, input.style, cloud_traits, &targets_plan, large);
                 draws.push(Draw {
                     cloud: i,
                     params: (params.len() as u64 * PARAMS_STRIDE) as u32,
@@ -268,8 +267,7 @@ impl Renderer {
                 clouds: &cloud_refs,
             };
             let mut recorder = Recorder::new(&self.context, cmd, slot_ref.timestamps.as_mut());
-            stats.draw_calls +=
-                count::record(&mut recorder, &bindings, &slot_ref.counts, slot_ref.counts_set, &views);
+            stats.draw_calls += count::record(&mut recorder, &bindings, &slot_ref.counts, slot_ref.counts_set, &views);
         } else {
             stats.skipped.push(Skip { stage: "count", reason: "no statistics of points asked for" });
         }
@@ -314,22 +312,12 @@ impl Renderer {
             let (context, composite, set) = (&self.context, &self.composite, slot.frame_set);
             let seed = |cmd| composite.seed(context, cmd, set, layer as u32);
             calls += match current.blend {
-                Blend::TwoPass => two_pass::draw(
-                    &mut recorder,
-                    targets,
-                    layer,
-                    &bindings,
-                    draws,
-                    |cmd| if current.host_depth { seed(cmd) } else { 0 },
-                ),
-                Blend::Opaque => opaque::draw(
-                    &mut recorder,
-                    targets,
-                    layer,
-                    &bindings,
-                    draws,
-                    current.host_depth.then_some(seed),
-                ),
+                Blend::TwoPass => two_pass::draw(&mut recorder, targets, layer, &bindings, draws, |cmd| {
+                    if current.host_depth { seed(cmd) } else { 0 }
+                }),
+                Blend::Opaque => {
+                    opaque::draw(&mut recorder, targets, layer, &bindings, draws, current.host_depth.then_some(seed))
+                }
             };
         }
         // Ready for `composite`, which may not place barriers inside the host's pass.
@@ -426,22 +414,14 @@ impl Renderer {
     }
 
     fn ensure_targets(&mut self, input: &FrameInput, plan: &FramePlan) -> Result<()> {
-        let full = self.context.enabled.full_precision_blend;
-        let mut wanted = TargetPlan {
-            extent: input.extent,
-            layers: input.views.len() as u32,
-            sums: if full { vk::Format::R32G32B32A32_SFLOAT } else { vk::Format::R16G16B16A16_SFLOAT },
-            lit: plan.lit,
-            front: plan.front,
-        };
+        let mut wanted = TargetPlan { extent: input.extent, layers: input.views.len() as u32, surface: plan.surface() };
         if let Some(old) = &self.targets {
             if old.plan == wanted {
                 return Ok(());
             }
             // Of the same size, attachments are only ever added: styles that alternate must not remake them.
             if old.plan.extent == wanted.extent && old.plan.layers == wanted.layers {
-                wanted.lit |= old.plan.lit;
-                wanted.front |= old.plan.front;
+                wanted.surface |= old.plan.surface;
                 if old.plan == wanted {
                     return Ok(());
                 }
@@ -514,8 +494,7 @@ impl Renderer {
         for draw in views.iter().flatten() {
             for &role in roles {
                 for variant in [draw.main, draw.large_variant] {
-                    built +=
-                        self.pipelines.ensure(&self.context, &self.splats, Variant { role, ..variant })? as u32;
+                    built += self.pipelines.ensure(&self.context, &self.splats, Variant { role, ..variant })? as u32;
                 }
             }
             if input.count {

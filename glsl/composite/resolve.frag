@@ -13,13 +13,12 @@ layout(constant_id = 3) const bool ENCODE_SRGB = false;  // the target's format 
 layout(constant_id = 4) const bool SOLID = false;        // opaque: coverage is all or nothing
 
 layout(set = 0, binding = 1) uniform sampler2DArray color_sum;
-layout(set = 0, binding = 2) uniform sampler2DArray normal_sum;
-layout(set = 0, binding = 3) uniform sampler2DArray front;
+layout(set = 0, binding = 2) uniform sampler2DArray surface;    // Σ w n, −z of the front
 
 layout(location = 0) out vec4 out_color;
 
 float front_depth(ivec2 at, int view) {
-    return -texelFetch(front, ivec3(at, view), 0).x;
+    return -texelFetch(surface, ivec3(at, view), 0).w;
 }
 
 // Eye-dome lighting (Boucheny 2009): mean over eight neighbours of how many octaves of depth this pixel lies behind them.
@@ -51,7 +50,7 @@ void main() {
     if (SHADE != SHADE_NONE) {
         vec3 ray = p.ray_0.xyz + p.ray_x.xyz * pixel.x + p.ray_y.xyz * pixel.y;
         vec3 v = p.depth_map.z != 0.0 ? -normalize(ray) : normalize(p.eye.xyz);
-        vec3 n = texelFetch(normal_sum, ivec3(at, view), 0).xyz;
+        vec3 n = texelFetch(surface, ivec3(at, view), 0).xyz;
         float length_n = length(n);
         c = shade(SHADE, c, length_n > 0.0 ? n / length_n : v, v);
     }

@@ -2,7 +2,7 @@
 // The host's depth as internal depth: a front with ε = 0 that nothing behind it passes.
 #include "frame.glsl"
 
-layout(set = 0, binding = 4) uniform sampler2DArray host_depth;
+layout(set = 0, binding = 3) uniform sampler2DArray host_depth;
 layout(push_constant) uniform SeedPush { int view; } push;
 
 void main() {

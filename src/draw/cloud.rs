@@ -61,12 +61,10 @@ impl DeviceCloud {
     /// Nothing is uploaded yet.
     pub fn new(context: &Context, flat: Arc<Flat>) -> Result<DeviceCloud> {
         let sets = flat.len().div_ceil(CHUNK).max(1) as u32;
-        let sizes =
-            [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 3 * sets }];
+        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 3 * sets }];
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(sets).pool_sizes(&sizes);
         // SAFETY: the device lives.
-        let pool =
-            unsafe { context.device.create_descriptor_pool(&info, None) }.named("vkCreateDescriptorPool")?;
+        let pool = unsafe { context.device.create_descriptor_pool(&info, None) }.named("vkCreateDescriptorPool")?;
         context.name(pool, "cloud.sets");
         Ok(DeviceCloud { flat, chunks: Vec::new(), pool })
     }
@@ -139,7 +137,8 @@ impl DeviceCloud {
         let Some(geometry) = made.next() else { unreachable!("geometry was made") };
         let normals = flat.normals.is_some().then(|| made.next()).flatten();
         let chunk = Chunk { first: first as u32, count: count as u32, geometry, normals, colors: made.next(), set };
-        let infos = chunk.streams().map(|buffer| [vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }]);
+        let infos =
+            chunk.streams().map(|buffer| [vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }]);
         let writes: Vec<_> = (0..)
             .zip(&infos)
             .map(|(binding, info)| {

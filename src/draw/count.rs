@@ -48,13 +48,7 @@ pub fn record(
                         &[bindings.params, chunk.set, counts_set],
                         &[draw.params],
                     );
-                    device.cmd_push_constants(
-                        cmd,
-                        layout,
-                        vk::ShaderStageFlags::COMPUTE,
-                        0,
-                        bytemuck::bytes_of(&push),
-                    );
+                    device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::COMPUTE, 0, bytemuck::bytes_of(&push));
                     device.cmd_dispatch(cmd, chunk.count.div_ceil(GROUP).min(GROUPS), 1, 1);
                 }
                 calls += 1;

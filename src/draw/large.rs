@@ -34,7 +34,8 @@ pub fn may_hold_large(
         let pick = |bit: usize, a: f64, b: f64| if i >> bit & 1 == 0 { a } else { b };
         eye_from_cloud.transform_point3(dvec3(pick(0, min.x, max.x), pick(1, min.y, max.y), pick(2, min.z, max.z)))
     });
-    let (low, high) = corners.fold((glam::DVec3::INFINITY, glam::DVec3::NEG_INFINITY), |(l, h), c| (l.min(c), h.max(c)));
+    let (low, high) =
+        corners.fold((glam::DVec3::INFINITY, glam::DVec3::NEG_INFINITY), |(l, h), c| (l.min(c), h.max(c)));
     let (low, high) = (low - r, high + r);
     let (nearest, farthest) = (-high.z, -low.z);
     if farthest < camera.near {
@@ -62,13 +63,22 @@ pub fn may_hold_large(
         range
     };
     let (x, y) = (reach(camera.pixel_x), reach(camera.pixel_y));
-    if x.1 < -low_pass || y.1 < -low_pass || x.0 > extent.width as f64 + low_pass || y.0 > extent.height as f64 + low_pass {
+    if x.1 < -low_pass
+        || y.1 < -low_pass
+        || x.0 > extent.width as f64 + low_pass
+        || y.0 > extent.height as f64 + low_pass
+    {
         return false;
     }
     let stretch = |axis: DVec4, at: f64| (axis - at * camera.pixel_w).truncate().length();
-    let g = [stretch(camera.pixel_x, x.0), stretch(camera.pixel_x, x.1), stretch(camera.pixel_y, y.0), stretch(camera.pixel_y, y.1)]
-        .into_iter()
-        .fold(0.0, f64::max);
+    let g = [
+        stretch(camera.pixel_x, x.0),
+        stretch(camera.pixel_x, x.1),
+        stretch(camera.pixel_y, y.0),
+        stretch(camera.pixel_y, y.1),
+    ]
+    .into_iter()
+    .fold(0.0, f64::max);
     let depth = if perspective { nearest } else { 1.0 };
     (2.0 * r * g / depth).max(2.0 * low_pass) * 1.001 + 0.25 > sprite_limit
 }

@@ -18,7 +18,7 @@ pub struct CloudTraits {
 /// What a frame runs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FramePlan {
-    /// Sums of normals are kept and lit.
+    /// Sums of normals are lit.
     pub lit: bool,
     /// The front's depth leaves the splat passes.
     pub front: bool,
@@ -60,6 +60,9 @@ impl FramePlan {
         if !front {
             skip("front depth", "no depth target and no eye-dome lighting");
         }
+        if !lit && !front {
+            skip("surface attachment", "neither light nor the front's depth is needed");
+        }
         if style.eye_dome.is_none() {
             skip("eye-dome lighting", "not asked for");
         }
@@ -77,6 +80,11 @@ impl FramePlan {
             skip("point sprites", "largePoints is not enabled: quads are drawn");
         }
         FramePlan { lit, front, quads, disc: opaque && !pixels, pixels, skipped }
+    }
+
+    /// Whether the second attachment, of normals and the front's depth, is needed.
+    pub fn surface(&self) -> bool {
+        self.lit || self.front
     }
 
     /// Whether splats of this cloud that face away are dropped.
@@ -132,6 +140,9 @@ mod tests {
         assert!(p.culls(&Style::default(), &closed));
         assert!(!p.culls(&Style { back_faces: BackFaces::Draw, ..Style::default() }, &closed));
         assert!(p.culls(&Style { back_faces: BackFaces::Cull, ..Style::default() }, &SCAN));
-        assert!(!p.culls(&Style { back_faces: BackFaces::Cull, ..Style::default() }, &CloudTraits { normals: false, ..closed }));
+        assert!(!p.culls(
+            &Style { back_faces: BackFaces::Cull, ..Style::default() },
+            &CloudTraits { normals: false, ..closed }
+        ));
     }
 }

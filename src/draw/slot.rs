@@ -61,7 +61,7 @@ impl Slot {
                 count(vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, 1),
                 count(vk::DescriptorType::UNIFORM_BUFFER, 1),
                 count(vk::DescriptorType::STORAGE_BUFFER, 1),
-                count(vk::DescriptorType::COMBINED_IMAGE_SAMPLER, 4),
+                count(vk::DescriptorType::COMBINED_IMAGE_SAMPLER, 3),
             ];
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(3).pool_sizes(&sizes);
             // SAFETY: the device lives.
@@ -71,8 +71,7 @@ impl Slot {
             let layouts = [splats.sets[0], splats.sets[2], composite.program.sets[0]];
             let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
             // SAFETY: pool and layouts live; the pool has room for just these.
-            let sets =
-                unsafe { context.device.allocate_descriptor_sets(&info) }.named("vkAllocateDescriptorSets")?;
+            let sets = unsafe { context.device.allocate_descriptor_sets(&info) }.named("vkAllocateDescriptorSets")?;
             Ok([sets[0], sets[1], sets[2]])
         })();
         match made {
@@ -85,7 +84,17 @@ impl Slot {
                 let stats = None;
                 let counted = false;
                 Ok(Slot {
-                    frame: 0, stats, counted, timestamps, params_set, counts_set, frame_set, counts, params, frame_params, pool,
+                    frame: 0,
+                    stats,
+                    counted,
+                    timestamps,
+                    params_set,
+                    counts_set,
+                    frame_set,
+                    counts,
+                    params,
+                    frame_params,
+                    pool,
                 })
             }
             Err(e) => {
@@ -127,14 +136,13 @@ impl Slot {
         let image = |image_view, image_layout| [vk::DescriptorImageInfo { sampler, image_view, image_layout }];
         // What a frame does without is stood in for by the colour sums, and not read.
         let color = targets.color.array;
-        let or = |i: &Option<crate::gpu::resource::Image>| image(i.as_ref().map_or(color, |i| i.array), sampled);
         let images = [
             image(color, sampled),
-            or(&targets.normal),
-            or(&targets.front),
+            image(targets.surface.as_ref().map_or(color, |i| i.array), sampled),
             host_depth.map_or(image(color, sampled), |d| image(d.view, d.layout)),
         ];
-        let to = |set, binding, ty| vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding).descriptor_type(ty);
+        let to =
+            |set, binding, ty| vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding).descriptor_type(ty);
         let mut writes = vec![
             to(self.params_set, 0, vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC).buffer_info(&params),
             to(self.counts_set, 0, vk::DescriptorType::STORAGE_BUFFER).buffer_info(&counts),

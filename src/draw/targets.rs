@@ -1,5 +1,7 @@
 //! The library's own attachments: one pool, shared by all blends, remade when the picture's size changes.
 
+use std::iter;
+
 use ash::vk;
 
 use crate::error::{Error, Result};
@@ -10,10 +12,10 @@ use crate::gpu::retire::{RetireQueue, Retired};
 
 /// Depth of the splat passes: reversed, so floats are dense where the far things are.
 pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
+/// Format of the sums. Thousands of splats may meet in a pixel, and half floats stop counting at 2048.
+pub const SUMS: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 /// Nothing is farther away: the front's −z starts below every real one.
 const FAR_AWAY: f32 = f32::MIN;
-/// −z of the front.
-pub const FRONT: vk::Format = vk::Format::R32_SFLOAT;
 
 /// Size and content of the attachments, a pure function of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,19 +24,14 @@ pub struct TargetPlan {
     pub extent: vk::Extent2D,
     /// One layer a view.
     pub layers: u32,
-    /// Format of the sums.
-    pub sums: vk::Format,
-    /// Sums of normals are kept.
-    pub lit: bool,
-    /// The front's depth is kept.
-    pub front: bool,
+    /// Sums of normals and the front's depth are kept.
+    pub surface: bool,
 }
 
 impl TargetPlan {
     /// Bytes a pixel and view.
     pub fn bytes_per_pixel(&self) -> u64 {
-        let sum = if self.sums == vk::Format::R32G32B32A32_SFLOAT { 16 } else { 8 };
-        sum + 4 + if self.lit { sum } else { 0 } + if self.front { 4 } else { 0 }
+        4 + 16 + if self.surface { 16 } else { 0 }
     }
 }
 
@@ -45,10 +42,8 @@ pub struct Targets {
     pub plan: TargetPlan,
     /// Σ w c, Σ w.
     pub color: Image,
-    /// Σ w n.
-    pub normal: Option<Image>,
-    /// −z of the front.
-    pub front: Option<Image>,
+    /// Σ w n, greatest −z.
+    pub surface: Option<Image>,
     /// Internal depth.
     pub depth: Image,
 }
@@ -71,12 +66,9 @@ impl Targets {
         };
         let all = (|| -> Result<()> {
             make(context, "depth", DEPTH, vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT)?;
-            make(context, "color_sum", plan.sums, usage)?;
-            if plan.lit {
-                make(context, "normal_sum", plan.sums, usage)?;
-            }
-            if plan.front {
-                make(context, "front", FRONT, usage)?;
+            make(context, "color_sum", SUMS, usage)?;
+            if plan.surface {
+                make(context, "surface_sum", SUMS, usage)?;
             }
             Ok(())
         })();
@@ -86,35 +78,31 @@ impl Targets {
         }
         let mut made = made.into_iter();
         let (Some(depth), Some(color)) = (made.next(), made.next()) else { unreachable!("both were made") };
-        let normal = if plan.lit { made.next() } else { None };
-        Ok(Targets { plan, color, normal, front: made.next(), depth })
+        Ok(Targets { plan, color, surface: made.next(), depth })
     }
 
     /// Depth, and the images that splats are summed into.
     pub fn split(&mut self) -> (&mut Image, impl Iterator<Item = &mut Image>) {
-        (&mut self.depth, [Some(&mut self.color), self.normal.as_mut(), self.front.as_mut()].into_iter().flatten())
+        (&mut self.depth, iter::once(&mut self.color).chain(self.surface.as_mut()))
     }
 
     /// The attachments of a layer of the sums by location, cleared.
-    pub fn sum_attachments(&self, layer: usize) -> [Attachment; 3] {
-        let view = |image: Option<&Image>| image.map_or(vk::ImageView::null(), |i| i.layers[layer]);
-        [
-            Attachment { view: view(Some(&self.color)), clear: Some([0.0; 4]) },
-            Attachment { view: view(self.normal.as_ref()), clear: Some([0.0; 4]) },
-            Attachment { view: view(self.front.as_ref()), clear: Some([FAR_AWAY; 4]) },
-        ]
+    pub fn sum_attachments(&self, layer: usize) -> Vec<Attachment> {
+        let attachment =
+            |image: &Image, alpha| Attachment { view: image.layers[layer], clear: Some([0.0, 0.0, 0.0, alpha]) };
+        iter::once(attachment(&self.color, 0.0)).chain(self.surface.as_ref().map(|i| attachment(i, FAR_AWAY))).collect()
     }
 
     /// Gives the images up after `frame`.
     pub fn retire(self, queue: &mut RetireQueue, frame: u64) {
-        for image in [Some(self.depth), Some(self.color), self.normal, self.front].into_iter().flatten() {
+        for image in [self.depth, self.color].into_iter().chain(self.surface) {
             queue.push(frame, Retired::Image(image));
         }
     }
 
     /// Destroys them at once; the device no longer uses them.
     pub fn destroy(self, context: &mut Context) {
-        for image in [Some(self.depth), Some(self.color), self.normal, self.front].into_iter().flatten() {
+        for image in [self.depth, self.color].into_iter().chain(self.surface) {
             image.destroy(context);
         }
     }

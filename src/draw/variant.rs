@@ -11,7 +11,7 @@ use crate::gpu::spirv::{Shader, generated as spirv};
 use crate::style::{Ellipse, Style};
 
 use super::plan::{CloudTraits, FramePlan};
-use super::targets::{DEPTH, FRONT, TargetPlan};
+use super::targets::{DEPTH, SUMS, TargetPlan};
 
 /// Shaders that share the splats' layout: set 0 parameters, set 1 a chunk, set 2 counters.
 pub const SHADERS: &[&Shader] = &[
@@ -19,6 +19,7 @@ pub const SHADERS: &[&Shader] = &[
     &spirv::DRAW_QUAD_VERT,
     &spirv::DRAW_VISIBILITY_FRAG,
     &spirv::DRAW_ACCUMULATE_FRAG,
+    &spirv::DRAW_ACCUMULATE_SURFACE_FRAG,
     &spirv::SELECT_COUNT_COMP,
 ];
 
@@ -61,8 +62,8 @@ pub struct Variant {
     pub colors: bool,
     /// LARGE.
     pub large: bool,
-    /// Attachments: format of the sums, sums of normals, front.
-    pub targets: (vk::Format, bool, bool),
+    /// The second attachment, of normals and the front's depth, is there.
+    pub surface: bool,
 }
 
 impl Variant {
@@ -84,7 +85,7 @@ impl Variant {
             normals: cloud.normals,
             colors: cloud.colors,
             large,
-            targets: (targets.sums, targets.lit, targets.front),
+            surface: targets.surface,
         }
     }
 
@@ -97,29 +98,18 @@ impl Variant {
             self.colors as u32,
             self.large as u32,
         ];
-        let (sums, lit, front) = self.targets;
-        let target = |on: bool, format, blend| ColorTarget { format: if on { format } else { vk::Format::UNDEFINED }, blend };
-        let colors = |sum, nearest| {
-            [target(true, sums, sum), target(lit, sums, sum), target(front, FRONT, nearest)]
-        };
+        let attachments = if self.surface { 2 } else { 1 };
+        let accumulate = if self.surface { &spirv::DRAW_ACCUMULATE_SURFACE_FRAG } else { &spirv::DRAW_ACCUMULATE_FRAG };
+        let sums = [BlendMode::Add, BlendMode::AddMax].map(|blend| ColorTarget { format: SUMS, blend });
+        let nearest = [ColorTarget { format: SUMS, blend: BlendMode::Replace }; 2];
         let greater = vk::CompareOp::GREATER_OR_EQUAL;
         let (name, fragment, colors, depth): (_, _, &[ColorTarget], _) = match self.role {
             Role::Count => return program.compute(context, "count", &spirv::SELECT_COUNT_COMP, &constants),
             Role::Visibility => {
                 ("visibility", &spirv::DRAW_VISIBILITY_FRAG, &[], (DEPTH, vk::CompareOp::GREATER, true))
             }
-            Role::Accumulate => (
-                "accumulate",
-                &spirv::DRAW_ACCUMULATE_FRAG,
-                &colors(BlendMode::Add, BlendMode::Max),
-                (DEPTH, greater, false),
-            ),
-            Role::Opaque => (
-                "opaque",
-                &spirv::DRAW_ACCUMULATE_FRAG,
-                &colors(BlendMode::Replace, BlendMode::Replace),
-                (DEPTH, vk::CompareOp::GREATER, true),
-            ),
+            Role::Accumulate => ("accumulate", accumulate, &sums[..attachments], (DEPTH, greater, false)),
+            Role::Opaque => ("opaque", accumulate, &nearest[..attachments], (DEPTH, vk::CompareOp::GREATER, true)),
         };
         program.graphics(
             context,

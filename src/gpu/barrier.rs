@@ -37,16 +37,12 @@ impl Access {
             Access::Undefined => (S::NONE, A::NONE),
             Access::CopyRead => (S::COPY, A::TRANSFER_READ),
             Access::CopyWrite => (S::COPY | S::CLEAR, A::TRANSFER_WRITE),
-            Access::ColorWrite => {
-                (S::COLOR_ATTACHMENT_OUTPUT, A::COLOR_ATTACHMENT_WRITE | A::COLOR_ATTACHMENT_READ)
-            }
+            Access::ColorWrite => (S::COLOR_ATTACHMENT_OUTPUT, A::COLOR_ATTACHMENT_WRITE | A::COLOR_ATTACHMENT_READ),
             Access::DepthWrite => (
                 S::EARLY_FRAGMENT_TESTS | S::LATE_FRAGMENT_TESTS,
                 A::DEPTH_STENCIL_ATTACHMENT_WRITE | A::DEPTH_STENCIL_ATTACHMENT_READ,
             ),
-            Access::DepthTest => {
-                (S::EARLY_FRAGMENT_TESTS | S::LATE_FRAGMENT_TESTS, A::DEPTH_STENCIL_ATTACHMENT_READ)
-            }
+            Access::DepthTest => (S::EARLY_FRAGMENT_TESTS | S::LATE_FRAGMENT_TESTS, A::DEPTH_STENCIL_ATTACHMENT_READ),
             Access::FragmentRead => (S::FRAGMENT_SHADER, A::SHADER_SAMPLED_READ),
             Access::VertexRead => (
                 S::VERTEX_ATTRIBUTE_INPUT | S::INDEX_INPUT | S::VERTEX_SHADER | S::COMPUTE_SHADER,

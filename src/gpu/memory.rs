@@ -107,8 +107,7 @@ impl GpuMemory for SharedAllocator {
         self.next += 1;
         // SAFETY: the handle is only bound to a resource of this request, and the piece is kept until `free`.
         let memory = unsafe { piece.memory() };
-        let result =
-            Memory { memory, offset: piece.offset(), size: piece.size(), mapped: piece.mapped_ptr(), token };
+        let result = Memory { memory, offset: piece.offset(), size: piece.size(), mapped: piece.mapped_ptr(), token };
         self.pieces.insert(token, piece);
         Ok(result)
     }

@@ -35,7 +35,7 @@ impl<'a> Use<'a> {
 
 /// One colour attachment of a pass: its view, and what happens to its content first.
 pub struct Attachment {
-    /// View of one layer; null leaves the location unused.
+    /// View of one layer.
     pub view: vk::ImageView,
     /// Cleared to this, or kept.
     pub clear: Option<[f32; 4]>,
@@ -79,7 +79,6 @@ impl<'a> Recorder<'a> {
             .map(|a| {
                 let info = vk::RenderingAttachmentInfo::default().image_view(a.view);
                 match a.clear {
-                    _ if a.view == vk::ImageView::null() => info,
                     Some(float32) => attachment(info, Access::ColorWrite, vk::AttachmentLoadOp::CLEAR)
                         .clear_value(vk::ClearValue { color: vk::ClearColorValue { float32 } }),
                     None => attachment(info, Access::ColorWrite, vk::AttachmentLoadOp::LOAD),
@@ -89,9 +88,8 @@ impl<'a> Recorder<'a> {
         let depth = targets.depth.map(|(view, access, clear)| {
             let info = vk::RenderingAttachmentInfo::default().image_view(view);
             match clear {
-                Some(depth) => attachment(info, access, vk::AttachmentLoadOp::CLEAR).clear_value(vk::ClearValue {
-                    depth_stencil: vk::ClearDepthStencilValue { depth, stencil: 0 },
-                }),
+                Some(depth) => attachment(info, access, vk::AttachmentLoadOp::CLEAR)
+                    .clear_value(vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth, stencil: 0 } }),
                 None => attachment(info, access, vk::AttachmentLoadOp::LOAD),
             }
         });

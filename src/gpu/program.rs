@@ -75,14 +75,12 @@ impl Program {
         let ranges: Vec<_> = push_constants.into_iter().collect();
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&self.sets).push_constant_ranges(&ranges);
         // SAFETY: the device and the set layouts live; ranges are within the 128 bytes that every device has.
-        self.layout =
-            unsafe { context.device.create_pipeline_layout(&info, None) }.named("vkCreatePipelineLayout")?;
+        self.layout = unsafe { context.device.create_pipeline_layout(&info, None) }.named("vkCreatePipelineLayout")?;
         context.name(self.layout, &format!("{name}.layout"));
         for shader in shaders {
             let info = vk::ShaderModuleCreateInfo::default().code(shader.words);
             // SAFETY: the words were validated by the build, and need no feature beyond the required ones.
-            let module =
-                unsafe { context.device.create_shader_module(&info, None) }.named("vkCreateShaderModule")?;
+            let module = unsafe { context.device.create_shader_module(&info, None) }.named("vkCreateShaderModule")?;
             context.name(module, shader.name);
             self.modules.push((shader.name, module));
         }
@@ -129,7 +127,7 @@ impl Program {
             depth = depth.depth_test_enable(true).depth_compare_op(compare).depth_write_enable(write);
         }
         let formats: Vec<_> = info.colors.iter().map(|c| c.format).collect();
-        let blends: Vec<_> = info.colors.iter().map(|c| c.blend.state(c.format)).collect();
+        let blends: Vec<_> = info.colors.iter().map(|c| c.blend.state()).collect();
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
         let dynamic = vk::PipelineDynamicStateCreateInfo::default()
             .dynamic_states(&[vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR]);
@@ -244,7 +242,7 @@ pub struct Stream {
 /// One colour attachment of a pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ColorTarget {
-    /// Undefined: the location is not used.
+    /// Format.
     pub format: vk::Format,
     /// How fragments enter it.
     pub blend: BlendMode,
@@ -257,23 +255,20 @@ pub enum BlendMode {
     Replace,
     /// It is added.
     Add,
-    /// The greater value of each channel stays.
-    Max,
+    /// Colour is added; of alpha the greater value stays.
+    AddMax,
     /// Premultiplied over.
     Over,
 }
 
 impl BlendMode {
-    fn state(self, format: vk::Format) -> vk::PipelineColorBlendAttachmentState {
-        if format == vk::Format::UNDEFINED {
-            return vk::PipelineColorBlendAttachmentState::default();
-        }
+    fn state(self) -> vk::PipelineColorBlendAttachmentState {
         let state = vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
-        let blended = |op, destination| {
+        let blended = |alpha_op, destination| {
             state
                 .blend_enable(true)
-                .color_blend_op(op)
-                .alpha_blend_op(op)
+                .color_blend_op(vk::BlendOp::ADD)
+                .alpha_blend_op(alpha_op)
                 .src_color_blend_factor(vk::BlendFactor::ONE)
                 .src_alpha_blend_factor(vk::BlendFactor::ONE)
                 .dst_color_blend_factor(destination)
@@ -282,7 +277,7 @@ impl BlendMode {
         match self {
             BlendMode::Replace => state,
             BlendMode::Add => blended(vk::BlendOp::ADD, vk::BlendFactor::ONE),
-            BlendMode::Max => blended(vk::BlendOp::MAX, vk::BlendFactor::ONE),
+            BlendMode::AddMax => blended(vk::BlendOp::MAX, vk::BlendFactor::ONE),
             BlendMode::Over => blended(vk::BlendOp::ADD, vk::BlendFactor::ONE_MINUS_SRC_ALPHA),
         }
     }

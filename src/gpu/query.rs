@@ -63,7 +63,9 @@ impl Timestamps {
 
     fn write(&mut self, context: &Context, cmd: vk::CommandBuffer, views: u32) {
         // SAFETY: recording, the query is reset and within the pool. A multiview pass writes `views` consecutive ones.
-        unsafe { context.device.cmd_write_timestamp2(cmd, vk::PipelineStageFlags2::ALL_COMMANDS, self.pool, self.used) };
+        unsafe {
+            context.device.cmd_write_timestamp2(cmd, vk::PipelineStageFlags2::ALL_COMMANDS, self.pool, self.used)
+        };
         self.used += views;
     }
 
@@ -74,15 +76,8 @@ impl Timestamps {
         }
         let mut ticks = vec![0u64; self.used as usize];
         // SAFETY: the pool lives, the range was written by a frame that is complete (a precondition).
-        unsafe {
-            context.device.get_query_pool_results(
-                self.pool,
-                0,
-                &mut ticks,
-                vk::QueryResultFlags::TYPE_64,
-            )
-        }
-        .named("vkGetQueryPoolResults")?;
+        unsafe { context.device.get_query_pool_results(self.pool, 0, &mut ticks, vk::QueryResultFlags::TYPE_64) }
+            .named("vkGetQueryPoolResults")?;
         let ms = context.limits.timestamp_period as f64 * 1e-6;
         let duration = |t: &Timed| ticks[t.end as usize].wrapping_sub(ticks[t.begin as usize]) as f64 * ms;
         Ok(self.timed.iter().filter(|t| t.end < self.used).map(|t| (t.name, duration(t))).collect())

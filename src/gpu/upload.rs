@@ -19,8 +19,7 @@ pub struct Upload {
 impl Upload {
     /// Room for `size` > 0 bytes, each piece rounded up to 16.
     pub fn new(context: &mut Context, size: u64) -> Result<Upload> {
-        let staging =
-            Buffer::new(context, "staging", size, vk::BufferUsageFlags::TRANSFER_SRC, Location::Upload)?;
+        let staging = Buffer::new(context, "staging", size, vk::BufferUsageFlags::TRANSFER_SRC, Location::Upload)?;
         Ok(Upload { staging, copies: Vec::new(), used: 0 })
     }
 

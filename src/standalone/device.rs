@@ -193,8 +193,7 @@ impl Standalone {
             .queue_family_index(family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         // SAFETY: the device lives.
-        standalone.pool =
-            unsafe { standalone.device.create_command_pool(&info, None) }.named("vkCreateCommandPool")?;
+        standalone.pool = unsafe { standalone.device.create_command_pool(&info, None) }.named("vkCreateCommandPool")?;
         Ok(standalone)
     }
 
@@ -230,19 +229,13 @@ impl Standalone {
     pub fn command_buffer(&self) -> Result<vk::CommandBuffer> {
         let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         // SAFETY: the pool lives and is used by this thread alone.
-        let buffers =
-            unsafe { self.device.allocate_command_buffers(&info) }.named("vkAllocateCommandBuffers")?;
+        let buffers = unsafe { self.device.allocate_command_buffers(&info) }.named("vkAllocateCommandBuffers")?;
         Ok(buffers[0])
     }
 
     /// Records, submits and waits.
-    pub fn run(
-        &self,
-        cmd: vk::CommandBuffer,
-        record: impl FnOnce(vk::CommandBuffer) -> Result<()>,
-    ) -> Result<()> {
-        let begin =
-            vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+    pub fn run(&self, cmd: vk::CommandBuffer, record: impl FnOnce(vk::CommandBuffer) -> Result<()>) -> Result<()> {
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer is ours and not pending, since every run waits.
         unsafe { self.device.begin_command_buffer(cmd, &begin) }.named("vkBeginCommandBuffer")?;
         let recorded = record(cmd);
@@ -254,9 +247,11 @@ impl Standalone {
         // SAFETY: the device lives; the fence is destroyed after the wait.
         unsafe {
             let fence = self.device.create_fence(&Default::default(), None).named("vkCreateFence")?;
-            let done = self.device.queue_submit2(self.queue, &submit, fence).named("vkQueueSubmit2").and_then(|()| {
-                self.device.wait_for_fences(&[fence], true, u64::MAX).named("vkWaitForFences")
-            });
+            let done = self
+                .device
+                .queue_submit2(self.queue, &submit, fence)
+                .named("vkQueueSubmit2")
+                .and_then(|()| self.device.wait_for_fences(&[fence], true, u64::MAX).named("vkWaitForFences"));
             self.device.destroy_fence(fence, None);
             done
         }
@@ -301,8 +296,8 @@ fn make_instance(entry: &ash::Entry, layers: Layers, listener: &Listener) -> Res
     let mut layer_names = Vec::new();
     if layers.any() {
         // SAFETY: no precondition.
-        let there = unsafe { entry.enumerate_instance_layer_properties() }
-            .named("vkEnumerateInstanceLayerProperties")?;
+        let there =
+            unsafe { entry.enumerate_instance_layer_properties() }.named("vkEnumerateInstanceLayerProperties")?;
         if !there.iter().any(|l| l.layer_name_as_c_str() == Ok(LAYER)) {
             return Err(Error::Unsupported(
                 "validation was asked for, and the layer VK_LAYER_KHRONOS_validation is not installed".into(),
@@ -366,9 +361,10 @@ fn make_device(
     // SAFETY: the physical device belongs to the instance.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical_device) };
     let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
-    let family = families.iter().position(|f| f.queue_flags.contains(both)).ok_or_else(|| {
-        Error::Unsupported("no queue family with graphics and compute".into())
-    })? as u32;
+    let family = families
+        .iter()
+        .position(|f| f.queue_flags.contains(both))
+        .ok_or_else(|| Error::Unsupported("no queue family with graphics and compute".into()))? as u32;
 
     let requirements = Requirements::query(instance, physical_device);
     let mut enabled = requirements.enabled(debug_utils);
