@@ -1,6 +1,10 @@
 //! surfel
+pub mod color;
 pub mod error;
 pub mod load;
+pub mod measure;
+#[cfg(feature = "reference")]
+pub mod reference;
 pub mod select;
 pub mod structure;
 pub mod style;
