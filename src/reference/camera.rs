@@ -17,6 +17,8 @@ pub struct Camera {
     /// Linear depth of the near plane.
     pub near: f64,
     pub perspective: bool,
+    /// The eye, or for orthographic views the unit direction towards the viewer.
+    centre: DVec3,
     pub width: u32,
     pub height: u32,
 }
@@ -44,8 +46,9 @@ impl Camera {
         let rows = [0.5 * width as f64 * (r0 + r3), 0.5 * height as f64 * (r1 + r3), r3];
         let [s0, s1, _] = rows;
         let det = s0.x * s1.y - s0.y * s1.x;
-        Camera {
+        let mut camera = Camera {
             near: view.near(),
+            centre: DVec3::ZERO,
             perspective: view.is_perspective(),
             rotation: DMat3::from_mat4(view.view),
             rows,
@@ -53,7 +56,10 @@ impl Camera {
             view,
             width,
             height,
-        }
+        };
+        let ray = camera.ray(DVec2::ZERO);
+        camera.centre = if camera.perspective { ray.origin } else { -ray.direction / ray.length };
+        camera
     }
 
     /// Eye-space position of a world position.
@@ -85,9 +91,10 @@ impl Camera {
 
     /// From an eye-space point to the viewer, unit length; +Z from the eye itself.
     pub fn towards_viewer(&self, p: DVec3) -> DVec3 {
-        let ray = self.ray(DVec2::ZERO);
-        let v = if self.perspective { ray.origin - p } else { -ray.direction };
-        v.try_normalize().unwrap_or(dvec3(0.0, 0.0, 1.0))
+        if !self.perspective {
+            return self.centre;
+        }
+        (self.centre - p).try_normalize().unwrap_or(dvec3(0.0, 0.0, 1.0))
     }
 
     /// Linear depth of a value in the host's depth buffer: infinite where it is clear.

@@ -207,6 +207,8 @@ impl<'a> Tile<'a> {
 
     fn draw(mut self, splats: &[u32]) -> Vec<Pixel> {
         if !splats.is_empty() {
+            let splats = self.prepare(splats);
+            let splats = splats.as_slice();
             match self.scene.technique.blend {
                 Blend::Opaque => {
                     self.each(splats, State::nearest);
@@ -224,23 +226,41 @@ impl<'a> Tile<'a> {
         self.pixels.iter().map(|p| p.finish(two_pass, self.scene, self.setup.margin)).collect()
     }
 
-    /// Calls `f` for every fragment of these splats, splat by splat in the given order.
-    fn each(&mut self, splats: &[u32], f: impl Fn(&mut State, &Splat, u32, Fragment)) {
+    /// The splats of these numbers with the tile's pixels that they may touch.
+    fn prepare(&self, numbers: &[u32]) -> Vec<Entry> {
         let [x0, y0, x1, y1] = self.area;
-        for &number in splats {
-            let (Fate::Drawn(splat, bound) | Fate::Away(Some((splat, bound)))) = self.setup.point(number) else { continue };
-            let [left, top, right, bottom] = bound.pixels(&self.setup.camera);
-            for y in top.max(y0)..bottom.min(y1) {
+        let entry = |&number: &u32| match self.setup.point(number) {
+            Fate::Drawn(splat, bound) | Fate::Away(Some((splat, bound))) => {
+                let [left, top, right, bottom] = bound.pixels(&self.setup.camera);
+                Some(Entry { number, splat, area: [left.max(x0), top.max(y0), right.min(x1), bottom.min(y1)] })
+            }
+            _ => None,
+        };
+        numbers.iter().filter_map(entry).collect()
+    }
+
+    /// Calls `f` for every fragment of these splats, splat by splat in the given order.
+    fn each(&mut self, splats: &[Entry], f: impl Fn(&mut State, &Splat, u32, Fragment)) {
+        let [x0, y0, x1, _] = self.area;
+        for Entry { number, splat, area: [left, top, right, bottom] } in splats {
+            for y in *top..*bottom {
                 let row = ((y - y0) * (x1 - x0)) as usize;
-                for x in left.max(x0)..right.min(x1) {
-                    let state = &mut self.pixels[row + (x - x0) as usize];
-                    if let Some(fragment) = fragment(self.setup, &splat, state.at, &state.ray) {
-                        f(state, &splat, number, fragment);
+                for state in &mut self.pixels[row..][(left - x0) as usize..(right - x0) as usize] {
+                    if let Some(fragment) = fragment(self.setup, splat, state.at, &state.ray) {
+                        f(state, splat, *number, fragment);
                     }
                 }
             }
         }
     }
+}
+
+/// A splat of a tile.
+struct Entry {
+    number: u32,
+    splat: Splat,
+    /// x0, y0, x1, y1 within the tile, the last two exclusive [px].
+    area: [u32; 4],
 }
 
 impl State {
