@@ -83,7 +83,9 @@ pub enum Incomparable {
 impl fmt::Display for Incomparable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Incomparable::Sizes([aw, ah], [bw, bh]) => write!(f, "pictures of different sizes: {aw}×{ah} and {bw}×{bh}"),
+            Incomparable::Sizes([aw, ah], [bw, bh]) => {
+                write!(f, "pictures of different sizes: {aw}×{ah} and {bw}×{bh}")
+            }
             Incomparable::Empty => write!(f, "pictures without pixels"),
             Incomparable::NotFinite(x, y) => write!(f, "pixel {x}, {y} is not finite"),
         }

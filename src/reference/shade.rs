@@ -43,9 +43,8 @@ pub fn eye_dome(picture: &mut Picture, style: EyeDome) {
     let (width, height) = (picture.width as i64, picture.height as i64);
     let (r, strength) = (style.radius as f64, style.strength as f64);
     let d = r * std::f64::consts::FRAC_1_SQRT_2;
-    let offsets =
-        [(r, 0.0), (-r, 0.0), (0.0, r), (0.0, -r), (d, d), (d, -d), (-d, d), (-d, -d)]
-            .map(|(x, y): (f64, f64)| ((0.5 + x).floor() as i64, (0.5 + y).floor() as i64));
+    let offsets = [(r, 0.0), (-r, 0.0), (0.0, r), (0.0, -r), (d, d), (d, -d), (-d, d), (-d, -d)]
+        .map(|(x, y): (f64, f64)| ((0.5 + x).floor() as i64, (0.5 + y).floor() as i64));
     let logarithms: Vec<f64> = picture.depth.iter().map(|z| z.max(TINY).log2()).collect();
     let ties = picture.ties.clone();
     for y in 0..height {

@@ -84,7 +84,8 @@ fn bin(setup: &Setup) -> (Bins, Counts) {
 
     let mut fates = [0u64; 4];
     let mut starts = vec![0usize; (columns * rows) as usize + 1];
-    let each = |[x0, y0, x1, y1]: [u32; 4]| (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (y * columns + x) as usize));
+    let each =
+        |[x0, y0, x1, y1]: [u32; 4]| (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (y * columns + x) as usize));
     for &(range, fate) in &ranges {
         fates[fate as usize] += 1;
         each(range).for_each(|tile| starts[tile + 1] += 1);
@@ -180,9 +181,9 @@ impl<'a> Tile<'a> {
         let area = [x0, y0, (x0 + TILE).min(scene.width), (y0 + TILE).min(scene.height)];
         let state = |x: u32, y: u32| {
             let at = dvec2(x as f64 + 0.5, y as f64 + 0.5);
-            let host = scene.host_depth.map_or(f64::INFINITY, |d| {
-                setup.camera.host_depth(d[y as usize * scene.width as usize + x as usize])
-            });
+            let host = scene
+                .host_depth
+                .map_or(f64::INFINITY, |d| setup.camera.host_depth(d[y as usize * scene.width as usize + x as usize]));
             State {
                 at,
                 ray: setup.camera.ray(at),
@@ -309,8 +310,7 @@ impl State {
         }
         // A splat never hides itself: both passes compute the same z, so only the others' limits count.
         let perhaps = fragment.z - fragment.dz <= self.high.without(number).min(self.host + self.d_host);
-        let surely =
-            fragment.sure && fragment.z + fragment.dz <= self.low.without(number).min(self.host - self.d_host);
+        let surely = fragment.sure && fragment.z + fragment.dz <= self.low.without(number).min(self.host - self.d_host);
         self.tie |= perhaps && !surely;
     }
 

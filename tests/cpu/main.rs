@@ -1,3 +1,5 @@
+//! Tests without Vulkan.
+
 mod reference_common;
 mod reference_fragments;
 mod reference_light;

@@ -38,9 +38,8 @@ fn overlapping_splats_average_by_weight() {
 #[test]
 fn tolerance_decides_to_the_last_bit() {
     let pair = Small::flat_view().splat([0.5, -0.5, -0.5], Z, 2.0, BLUE).splat([0.5, -0.5, 0.0], Z, 2.0, RED);
-    let color = |absolute, relative| {
-        at(&pair.clone().style(|s| s.tolerance = Tolerance { absolute, relative }).render(), 4, 4)
-    };
+    let color =
+        |absolute, relative| at(&pair.clone().style(|s| s.tolerance = Tolerance { absolute, relative }).render(), 4, 4);
     assert_eq!(color(0.5, 0.0), [0.5, 0.0, 0.5, 1.0], "z ≤ z + ε holds at equality");
     assert_eq!(color(0.5f32.next_down(), 0.0), [1.0, 0.0, 0.0, 1.0]);
     // Relative to the radius, 2; the larger of the two counts.
@@ -112,7 +111,8 @@ fn an_edge_on_disk_is_kept_by_the_low_pass() {
 #[test]
 fn a_disk_that_starts_behind_the_viewer_is_cut_at_the_near_plane() {
     // A floor y = −0.5 about z = −0.5; near 1. Row y sees the floor at linear depth 0.5 / ((y + ½ − 4) / 4).
-    let p = Small::wide_view().splat([0.0, -0.5, -0.5], [0.0, 1.0, 0.0], 1.0, WHITE).style(|s| s.low_pass = 1.0).render();
+    let p =
+        Small::wide_view().splat([0.0, -0.5, -0.5], [0.0, 1.0, 0.0], 1.0, WHITE).style(|s| s.low_pass = 1.0).render();
     assert_eq!(p.counts.drawn, 1);
     let t = 4.0f64 / 3.0;
     let u2 = (0.125 * t) * (0.125 * t) + (t - 0.5) * (t - 0.5);
@@ -153,9 +153,11 @@ fn far_away_perspective_is_orthographic() {
 #[test]
 fn the_exact_footprint_is_the_image_of_the_disk() {
     // Close and tilted; across the near plane, centre in front; across it, centre behind the eye.
-    for (p, n, r) in
-        [([0.3, -0.2, -2.0], [0.5, 0.3, 0.4], 0.9), ([0.1, -0.4, -1.3], [0.1, 1.0, 0.3], 1.0), ([0.0, -0.5, 0.4], [0.2, 1.0, 0.1], 2.5)]
-    {
+    for (p, n, r) in [
+        ([0.3, -0.2, -2.0], [0.5, 0.3, 0.4], 0.9),
+        ([0.1, -0.4, -1.3], [0.1, 1.0, 0.3], 1.0),
+        ([0.0, -0.5, 0.4], [0.2, 1.0, 0.1], 2.5),
+    ] {
         let small = Small { width: 24, height: 24, ..Small::wide_view() }.splat(p, n, r, WHITE);
         let picture = small.render();
         let centre = DVec3::from(p.map(|v| v as f64));
@@ -193,7 +195,10 @@ fn the_exact_footprint_is_the_image_of_the_disk() {
             let slack = 0.02;
             if u < 1.0 - slack {
                 let weight = |u: f64| (2.0 * (-4.0 * u * u).exp2()).min(1.0);
-                assert!(alpha >= weight(u + slack) - 1e-9 && alpha <= weight((u - slack).max(0.0)) + 0.06, "{i}: {u} {alpha}");
+                assert!(
+                    alpha >= weight(u + slack) - 1e-9 && alpha <= weight((u - slack).max(0.0)) + 0.06,
+                    "{i}: {u} {alpha}"
+                );
                 compared += 1;
             } else if u.is_infinite() && alpha > 0.0 {
                 // Only a rim, or the cut at the near plane, may be missed by the samples.

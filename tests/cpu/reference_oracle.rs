@@ -151,7 +151,12 @@ fn styles() -> Vec<Style> {
     vec![
         plain,
         Style { ellipse: Ellipse::Approximate, back_faces: BackFaces::Draw, radius_scale: 0.7, ..plain },
-        Style { low_pass: 2.5, back_faces: BackFaces::Cull, tolerance: Tolerance { absolute: 0.05, relative: 0.0 }, ..plain },
+        Style {
+            low_pass: 2.5,
+            back_faces: BackFaces::Cull,
+            tolerance: Tolerance { absolute: 0.05, relative: 0.0 },
+            ..plain
+        },
         Style { footprint: Footprint::Pixels(5.0), ..plain },
     ]
 }
@@ -161,15 +166,15 @@ fn every_scene(n: usize, seed: u64, f: impl Fn(&Scene, &str)) {
     let mut random = Random(seed);
     let clouds = [cloud(&mut random, n, true), cloud(&mut random, n, false)];
     let target = clouds[0].origin;
-    let turn = DMat4::from_translation(target) * DMat4::from_scale_rotation_translation(
-        DVec3::splat(0.6),
-        DQuat::from_rotation_x(1.0) * DQuat::from_rotation_z(2.0),
-        dvec3(0.2, 0.1, -0.3),
-    ) * DMat4::from_translation(-target);
-    let instances = [
-        Instance { flat: &clouds[0], transform: DMat4::IDENTITY },
-        Instance { flat: &clouds[1], transform: turn },
-    ];
+    let turn = DMat4::from_translation(target)
+        * DMat4::from_scale_rotation_translation(
+            DVec3::splat(0.6),
+            DQuat::from_rotation_x(1.0) * DQuat::from_rotation_z(2.0),
+            dvec3(0.2, 0.1, -0.3),
+        )
+        * DMat4::from_translation(-target);
+    let instances =
+        [Instance { flat: &clouds[0], transform: DMat4::IDENTITY }, Instance { flat: &clouds[1], transform: turn }];
     let span = |instance, first, count| Span { instance, first, count };
     let (n, half) = (n as u32, n as u32 / 2);
     let list = DrawList { spans: vec![span(1, half, n - half), span(0, 3, n - 3), span(1, 0, half), span(0, 0, 2)] };
@@ -184,7 +189,10 @@ fn every_scene(n: usize, seed: u64, f: impl Fn(&Scene, &str)) {
                 let host_depth = (s % 2 == 0).then_some(host.as_slice());
                 let technique = technique(name);
                 let (instances, list) = (&instances, &list);
-                f(&Scene { instances, list, view, width, height, technique, style, host_depth }, &format!("seed {seed}, view {v}, style {s}, {name}"));
+                f(
+                    &Scene { instances, list, view, width, height, technique, style, host_depth },
+                    &format!("seed {seed}, view {v}, style {s}, {name}"),
+                );
             }
         }
     }
@@ -210,7 +218,12 @@ fn tiles_are_the_naive_sum() {
             for (i, (color, depth)) in oracle(scene).into_iter().enumerate() {
                 let same_depth = depth == picture.depth[i] || (depth - picture.depth[i]).abs() < bound;
                 let error = (DVec4::from(picture.rgba[i]) - color).abs().max_element();
-                assert!(same_depth && error < bound, "{name}, pixel {i}: {:?} {} is not {color} {depth}", picture.rgba[i], picture.depth[i]);
+                assert!(
+                    same_depth && error < bound,
+                    "{name}, pixel {i}: {:?} {} is not {color} {depth}",
+                    picture.rgba[i],
+                    picture.depth[i]
+                );
                 covered += depth.is_finite() as u32;
             }
             assert!(covered > 50, "{name}: only {covered} pixels covered");
@@ -240,7 +253,7 @@ fn the_number_of_threads_changes_nothing() {
 fn rounding_makes_jumps_only_at_ties() {
     let jumps = std::cell::Cell::new((0, 0, 0));
     // Large enough that jumps happen in small pictures.
-    let margin = 1e-4;
+    let margin = 2e-4;
     for seed in 20..26 {
         every_scene(100, seed, |scene, name| {
             let before = render(scene, margin);
@@ -272,8 +285,9 @@ fn rounding_makes_jumps_only_at_ties() {
                 let change = (DVec4::from(before.rgba[i]) - DVec4::from(after.rgba[i])).abs().max_element();
                 covered += before.depth[i].is_finite() as u32;
                 ties += before.ties[i] as u32;
-                // u of a splat of one pixel (r ≈ 0.1 at 4) moves by 10⁻⁴ · 4 / 0.1 = 0.004, a weight by 0.01; a rim is 0.125.
-                if change > 0.06 {
+                // u of a splat of one pixel (r ≈ 0.1 at 4) moves by 2·10⁻⁴ · 4 / 0.1 = 0.008, and the slope of α = 2 w in u is
+                // 2.9 at most: 0.023, some more in a normalised colour. A rim is a jump of 0.125.
+                if change > 0.08 {
                     jumped += 1;
                     assert!(before.ties[i], "{name}, pixel {i}: {:?} became {:?}", before.rgba[i], after.rgba[i]);
                 }
