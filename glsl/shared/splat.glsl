@@ -34,25 +34,36 @@ float epsilon(float radius) {
     return max(params.tolerance_absolute, params.tolerance_relative * radius);
 }
 
-// Box of the part of the disk's bounding square that lies beyond the near plane.
+// Pixel of the rim's point c + e1 cos φ + e2 sin φ, if it lies beyond the near plane: grows the box.
+void grow(inout vec4 box, vec3 c, vec3 e1, vec3 e2, float angle) {
+    vec4 p = vec4(c + e1 * cos(angle) + e2 * sin(angle), 1.0);
+    // A hair before the plane is still on it: the ends of the chord are.
+    if (-p.z >= params.near * 0.99999) {
+        vec2 at = vec2(dot(params.pixel_x, p), dot(params.pixel_y, p)) / dot(params.pixel_w, p);
+        box = vec4(min(box.xy, at), max(box.zw, at));
+    }
+}
+
+// Exact box of the part of the disk that lies beyond the near plane: its extremes are the ends of the chord in that plane,
+// and the rim's points where x/w or y/w is stationary. With x = x0 + xa cos φ + xb sin φ, and w likewise, those fulfil
+// (xb w0 − x0 wb) cos φ + (x0 wa − xa w0) sin φ + (xb wa − xa wb) = 0.
 vec4 clipped_box(vec3 c, vec3 e1, vec3 e2) {
-    vec3 corner[4] = vec3[](c - e1 - e2, c + e1 - e2, c + e1 + e2, c - e1 + e2);
     vec4 box = vec4(1e30, 1e30, -1e30, -1e30);
-    for (int i = 0; i < 4; i++) {
-        vec3 p = corner[i];
-        vec3 q = corner[(i + 1) & 3];
-        float zp = -p.z - params.near;
-        float zq = -q.z - params.near;
-        if ((zp < 0.0) != (zq < 0.0)) {
-            vec4 cut = vec4(mix(p, q, zp / (zp - zq)), 1.0);
-            vec2 at = vec2(dot(params.pixel_x, cut), dot(params.pixel_y, cut)) / dot(params.pixel_w, cut);
-            box = vec4(min(box.xy, at), max(box.zw, at));
-        }
-        if (zp >= 0.0) {
-            vec4 whole = vec4(p, 1.0);
-            vec2 at = vec2(dot(params.pixel_x, whole), dot(params.pixel_y, whole)) / dot(params.pixel_w, whole);
-            box = vec4(min(box.xy, at), max(box.zw, at));
-        }
+    vec2 slope = -vec2(e1.z, e2.z);
+    float half_chord = acos(clamp((params.near + c.z) / max(length(slope), 1e-37), -1.0, 1.0));
+    float towards = atan(slope.y, slope.x);
+    grow(box, c, e1, e2, towards - half_chord);
+    grow(box, c, e1, e2, towards + half_chord);
+    vec3 w = vec3(dot(params.pixel_w, vec4(c, 1.0)), dot(params.pixel_w.xyz, e1), dot(params.pixel_w.xyz, e2));
+    for (int axis = 0; axis < 2; axis++) {
+        vec4 row = axis == 0 ? params.pixel_x : params.pixel_y;
+        vec3 x = vec3(dot(row, vec4(c, 1.0)), dot(row.xyz, e1), dot(row.xyz, e2));
+        vec2 pq = vec2(x.z * w.x - x.x * w.z, x.x * w.y - x.y * w.x);
+        float r = x.z * w.y - x.y * w.z;
+        float phase = atan(pq.y, pq.x);
+        float swing = acos(clamp(-r / max(length(pq), 1e-37), -1.0, 1.0));
+        grow(box, c, e1, e2, phase - swing);
+        grow(box, c, e1, e2, phase + swing);
     }
     return box;
 }
@@ -118,7 +129,9 @@ Splat project(vec4 geometry, uint normal_code) {
         }
         // A footprint that comes close to the eye is cast in eye space: there the affine frame is stretched without bound.
         bool near_eye = s.depth - reach < max(params.near, perspective ? 0.1 * s.depth : params.near);
-        if (near_eye) {
+        // Only a disk that reaches the near plane has no bounded image: the part beyond that plane has.
+        bool clipped = s.depth - reach < max(params.near, perspective ? 1e-3 * s.depth : params.near);
+        if (clipped) {
             s.box = clipped_box(s.centre, s.radius * t1, s.radius * t2);
         }
         if (centre_visible) {
@@ -142,7 +155,7 @@ Splat project(vec4 geometry, uint normal_code) {
                 image = vec4(-skew - root, root - skew) / k;
             }
             vec2 rho = vec2(params.low_pass);
-            if (!near_eye) {
+            if (!clipped) {
                 s.box = vec4(s.pixel + min(image.xy, -rho), s.pixel + max(image.zw, rho));
             } else {
                 s.box = vec4(min(s.box.xy, s.pixel - rho), max(s.box.zw, s.pixel + rho));
