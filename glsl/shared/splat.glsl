@@ -34,36 +34,42 @@ float epsilon(float radius) {
     return max(params.tolerance_absolute, params.tolerance_relative * radius);
 }
 
-// Pixel of the rim's point c + e1 cos φ + e2 sin φ, if it lies beyond the near plane: grows the box.
-void grow(inout vec4 box, vec3 c, vec3 e1, vec3 e2, float angle) {
-    vec4 p = vec4(c + e1 * cos(angle) + e2 * sin(angle), 1.0);
-    // A hair before the plane is still on it: the ends of the chord are.
-    if (-p.z >= params.near * 0.99999) {
-        vec2 at = vec2(dot(params.pixel_x, p), dot(params.pixel_y, p)) / dot(params.pixel_w, p);
+// Where the line t + u·across meets the unit circle, across a unit normal's direction `along`: no angles, since the
+// inverse trigonometric functions are only good for some 10⁻⁴.
+vec2 on_circle(vec2 along, float t, float side) {
+    float c = clamp(t / max(length(along), 1e-37), -1.0, 1.0);
+    vec2 d = along / max(length(along), 1e-37);
+    return c * d + side * sqrt(1.0 - c * c) * vec2(-d.y, d.x);
+}
+
+// Grows the box by the pixel of the rim's point c + e1 rim.x + e2 rim.y, if it lies beyond `least`.
+void grow(inout vec4 box, vec3 c, vec3 e1, vec3 e2, vec2 rim, float least) {
+    vec3 p = c + e1 * rim.x + e2 * rim.y;
+    float z = -p.z;
+    if (z >= least) {
+        p.z = -max(z, params.near);
+        vec4 h = vec4(p, 1.0);
+        vec2 at = vec2(dot(params.pixel_x, h), dot(params.pixel_y, h)) / dot(params.pixel_w, h);
         box = vec4(min(box.xy, at), max(box.zw, at));
     }
 }
 
 // Exact box of the part of the disk that lies beyond the near plane: its extremes are the ends of the chord in that plane,
 // and the rim's points where x/w or y/w is stationary. With x = x0 + xa cos φ + xb sin φ, and w likewise, those fulfil
-// (xb w0 − x0 wb) cos φ + (x0 wa − xa w0) sin φ + (xb wa − xa wb) = 0.
+// (xb w0 − x0 wb) cos φ + (x0 wa − xa w0) sin φ = xa wb − xb wa.
 vec4 clipped_box(vec3 c, vec3 e1, vec3 e2) {
     vec4 box = vec4(1e30, 1e30, -1e30, -1e30);
     vec2 slope = -vec2(e1.z, e2.z);
-    float half_chord = acos(clamp((params.near + c.z) / max(length(slope), 1e-37), -1.0, 1.0));
-    float towards = atan(slope.y, slope.x);
-    grow(box, c, e1, e2, towards - half_chord);
-    grow(box, c, e1, e2, towards + half_chord);
     vec3 w = vec3(dot(params.pixel_w, vec4(c, 1.0)), dot(params.pixel_w.xyz, e1), dot(params.pixel_w.xyz, e2));
-    for (int axis = 0; axis < 2; axis++) {
-        vec4 row = axis == 0 ? params.pixel_x : params.pixel_y;
-        vec3 x = vec3(dot(row, vec4(c, 1.0)), dot(row.xyz, e1), dot(row.xyz, e2));
-        vec2 pq = vec2(x.z * w.x - x.x * w.z, x.x * w.y - x.y * w.x);
-        float r = x.z * w.y - x.y * w.z;
-        float phase = atan(pq.y, pq.x);
-        float swing = acos(clamp(-r / max(length(pq), 1e-37), -1.0, 1.0));
-        grow(box, c, e1, e2, phase - swing);
-        grow(box, c, e1, e2, phase + swing);
+    for (float side = -1.0; side < 2.0; side += 2.0) {
+        // Rounding must not lose an end of the chord: it lies in the plane, whatever was computed.
+        grow(box, c, e1, e2, on_circle(slope, params.near + c.z, side), -1e30);
+        for (int axis = 0; axis < 2; axis++) {
+            vec4 row = axis == 0 ? params.pixel_x : params.pixel_y;
+            vec3 x = vec3(dot(row, vec4(c, 1.0)), dot(row.xyz, e1), dot(row.xyz, e2));
+            vec2 along = vec2(x.z * w.x - x.x * w.z, x.x * w.y - x.y * w.x);
+            grow(box, c, e1, e2, on_circle(along, x.y * w.z - x.z * w.y, side), params.near);
+        }
     }
     return box;
 }
