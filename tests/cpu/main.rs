@@ -1,1 +1,6 @@
-
+mod attributes_degenerate;
+mod attributes_mesh;
+mod attributes_neighbours;
+mod attributes_normals;
+mod attributes_radii;
+mod attributes_shapes;
