@@ -102,7 +102,7 @@ fn sparse_beside_dense_is_not_an_outlier() {
     points.extend(grid(21, 1.0, 0.0, random).iter().map(|p| *p + Vec3::X * 20.9));
     let found = radii(&points);
     for i in dense..points.len() {
-        assert!(found[i] > if (i - dense) % 21 == 0 { 0.3 } else { 0.8 }, "{}: {}", points[i], found[i]);
+        assert!(found[i] > if (i - dense).is_multiple_of(21) { 0.3 } else { 0.8 }, "{}: {}", points[i], found[i]);
     }
     assert!(found[..dense].iter().all(|r| *r < 0.2), "the dense side keeps its detail");
     let at = |low, random: &mut Random| probes(50_000, 0.5, 18.5, random).iter().map(|p| *p + Vec3::X * low).collect();

@@ -1,3 +1,5 @@
+//! Checks that need no Vulkan.
+
 mod attributes_degenerate;
 mod attributes_mesh;
 mod attributes_neighbours;

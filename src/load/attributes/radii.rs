@@ -1,14 +1,13 @@
 //! Covering radii from local density, and guards against disks that stick out.
 //!
-//! The rule (`docs/`: radius from data): h = d_k √(π / k) with k = 8, where d_k is the distance to the k-th neighbour in
+//! The rule: h = d_k √(π / k) with k = 8, where d_k is the distance to the k-th neighbour in
 //! the tangent plane: k points in a disk of radius d_k, each on its square of side h. r = κ h, where
 //! κ = clamp(2.2 − 1.2 d₁ / h, 1, 1.6) tells even sampling (d₁ = h and more: κ = 1) from random (d₁ = h / 2 on average:
 //! κ = 1.6, which leaves e^(−πκ²) = 0.03 % uncovered).
 //!
 //! Where a neighbourhood is not a whole disk, the rule alone overestimates. Three guards, in this order:
-//! 1. *Borders.* At a border the k neighbours fill a part of the disk. Their centre of mass tells how much: at
-//!    4/(3π) = 0.42 of the radius for half a disk, 0.60 for a quarter. h is reduced by the square root of that part,
-//!    before κ is found.
+//! 1. *Borders.* At a border the k neighbours fill a part of the disk, and next to none lie behind. Their centre of mass
+//!    tells how large a part: h is reduced by its square root, before κ is found.
 //! 2. *Strays far from everything*, alone or in small clouds: no radius beyond 4 times the 99th percentile.
 //! 3. *Outliers near a surface*: no more than twice the median radius of the 8 neighbours (called m), unless a
 //!    point whose own radius stands at m has this one among its neighbours: then it is not an outlier but the edge of
@@ -57,9 +56,10 @@ pub(super) fn radius(offsets: &[Vec3], normal: Vec3) -> f32 {
     even * h
 }
 
-/// The part of a disk that is filled, when its points' centre of mass lies at `off` of its radius: 1 up to 0.3 (the
-/// centre of 16 random points strays by 0.16 on average), 1/2 at 0.424, 1/4 at 0.6. No evenly filled corner, however
-/// sharp, is beyond 2/3: there the points are a clump on one side, which says nothing of a border.
+/// The part of a disk that is filled, when its points' centre of mass lies at `off` of its radius: at 4/(3π) = 0.42 for
+/// half a disk and 0.60 for a quarter, but 16 points of a jittered or random border stray by 0.16 on average, so half is
+/// taken from 0.36 on. No evenly filled corner, however sharp, is beyond 2/3: there the points are a clump on one side,
+/// which says nothing of a border.
 fn filled(off: f32) -> f32 {
     const STEPS: [(f32, f32); 6] = [(0.0, 1.0), (0.2, 1.0), (0.36, 0.5), (0.6, 0.25), (0.67, 0.25), (0.8, 1.0)];
     for pair in STEPS.windows(2) {
