@@ -136,7 +136,7 @@ fn outliers_get_no_flaps() {
 
 /// A random disk of points: what reaches past its border is the splats' blur, not flaps. The rule gives up to 1.6 h
 /// where d₈ is typical, half a disk makes it √2 times that, 2.26; only d₈'s own spread (1.5 at 1 in 10 000) may add to
-/// it where the border guard is not sure, and half of all that reach past stay within 0.8 (unguarded: see below 0.9).
+/// it where the border guard is not sure, and half of all that reach past stay within 0.8.
 #[test]
 fn borders_stay_near() {
     let random = &mut Random::new();
