@@ -21,7 +21,9 @@ struct Splat {
     uint status;
     vec3 centre;    // eye space
     vec3 normal;    // eye space, unit, towards the viewer
+    vec3 lit;       // eye space, unit: what is averaged for light
     float radius;   // [world units]
+    float epsilon;  // depth tolerance [world units]
     float depth;    // linear
     vec2 pixel;     // of the centre; far outside where that is before the near plane
     vec4 inverse;   // rows of the matrix that takes d to (a0, b0)
@@ -30,8 +32,12 @@ struct Splat {
     vec4 box;       // min and max [px] of the footprint within the picture
 };
 
-float epsilon(float radius) {
-    return max(params.tolerance_absolute, params.tolerance_relative * radius);
+// What the low-pass spreads a splat over counts as its radius: a pixel's width on its plane, tan θ times as deep as
+// wide. Without it the one fragment in front hides the rest of its own surface wherever splats are smaller than pixels.
+// Beyond 8 (83°) a pixel's depth says nothing any more.
+float tolerance(float radius, float pixel, float nv) {
+    float steep = min(sqrt(max(1.0 - nv * nv, 0.0)) / -nv, 8.0);
+    return max(params.tolerance_absolute, params.tolerance_relative * max(radius, params.low_pass * pixel * max(steep, 1.0)));
 }
 
 // Where the line t + u·across meets the unit circle, across a unit normal's direction `along`: no angles, since the
@@ -81,9 +87,11 @@ Splat project(vec4 geometry, uint normal_code) {
     s.centre = (params.eye_from_cloud * vec4(geometry.xyz, 1.0)).xyz;
     s.depth = -s.centre.z;
     s.normal = vec3(0.0, 0.0, 1.0);
+    s.lit = s.normal;
     s.pixel = vec2(-1e15);
     s.inverse = vec4(0.0);
     s.slope = vec2(0.0);
+    s.epsilon = 0.0;
     s.perspective = 0.0;
     s.box = vec4(0.0);
     // Also false for NaN; infinities fail the upper bounds.
@@ -94,9 +102,14 @@ Splat project(vec4 geometry, uint normal_code) {
     bool perspective = is_perspective();
     vec3 v = normalize(perspective ? s.centre - params.eye.xyz : -params.eye.xyz);
     s.normal = -v;
+    s.lit = -v;
     if (HAS_NORMAL && normal_code != NO_NORMAL) {
         s.normal = normalize(mat3(params.eye_from_cloud) * octahedral(normal_code));
-        if (dot(s.normal, v) > 0.0) {
+        float away = dot(s.normal, v);
+        // Just behind a silhouette a normal keeps its side: turned, it would cancel its neighbours' sideways part and
+        // light the rim. What clearly faces away (15° and more) is seen from behind.
+        s.lit = away > 0.25 ? -s.normal : s.normal;
+        if (away > 0.0) {
             if (CULL_BACK) {
                 s.status = BACK_FACE;
                 return s;
@@ -129,6 +142,7 @@ Splat project(vec4 geometry, uint normal_code) {
         vec3 m = cross(v, t1);
         float nv = min(dot(s.normal, v), -1e-6);
         s.slope = -s.radius * vec2(t1.z, t2.z);
+        s.epsilon = tolerance(s.radius, 0.0, nv);
         float reach = length(s.slope);
         if (s.depth + reach < params.near) {
             return s;
@@ -145,6 +159,7 @@ Splat project(vec4 geometry, uint normal_code) {
             vec2 jm = vec2(dot(params.pixel_x.xyz, m), dot(params.pixel_y.xyz, m)) - s.pixel * dot(params.pixel_w.xyz, m);
             float area = j1.x * jm.y - j1.y * jm.x;
             float f = w / (s.radius * area);
+            s.epsilon = tolerance(s.radius, w * inversesqrt(abs(area)), nv);
             s.inverse = f * vec4(jm.y, -jm.x, -j1.y / nv, j1.x / nv);
             s.perspective = perspective ? 1.0 / w : 0.0;
             // Extent of the image about its centre: the roots of the dual conic, with axes A = r J(t1), B = r (n·v) J(m).

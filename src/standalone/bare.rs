@@ -54,11 +54,8 @@ pub fn measure(
     upload.write(&buffer, data);
     let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT;
     let mut image = Image::new(&mut context, "bare.sums", SUMS, extent, 1, usage)?;
-    let push_range = vk::PushConstantRange {
-        stage_flags: vk::ShaderStageFlags::VERTEX,
-        offset: 0,
-        size: size_of::<Push>() as u32,
-    };
+    let push_range =
+        vk::PushConstantRange { stage_flags: vk::ShaderStageFlags::VERTEX, offset: 0, size: size_of::<Push>() as u32 };
     let shaders = &[&spirv::BENCH_BARE_VERT, &spirv::BENCH_BARE_FRAG];
     let program = Program::new(&context, "bare", shaders, false, Some(push_range))?;
     let pipeline = program.graphics(
