@@ -1,1 +1,10 @@
+//! Tests that need no Vulkan.
 
+#[path = "../common/mod.rs"]
+mod common;
+mod load_bad;
+mod load_files;
+mod load_las;
+mod load_merge;
+mod load_ply;
+mod load_synthetic;
