@@ -6,7 +6,10 @@ pub mod error;
 pub mod gpu;
 pub mod host;
 pub mod load;
+pub mod measure;
 pub mod readback;
+#[cfg(feature = "reference")]
+pub mod reference;
 pub mod renderer;
 pub mod select;
 #[cfg(feature = "standalone")]

@@ -8,3 +8,7 @@ mod load_las;
 mod load_merge;
 mod load_ply;
 mod load_synthetic;
+mod reference_common;
+mod reference_fragments;
+mod reference_light;
+mod reference_oracle;
