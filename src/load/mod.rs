@@ -5,6 +5,8 @@
 //! assumed is in the cloud's [`Report`].
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "preprocess")]
+pub mod attributes;
 mod bounds;
 mod clean;
 mod cloud;
