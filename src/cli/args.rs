@@ -120,9 +120,9 @@ pub struct RenderArgs {
     /// Which way is up [default: as the file says, else y for PLY].
     #[arg(long, value_name = "x|y|z|x,y,z", allow_hyphen_values = true, value_parser = parse::up)]
     pub up: Option<DVec3>,
-    /// Vertical angle of view in degrees.
-    #[arg(long, value_name = "DEG", default_value = "45", value_parser = parse::fov)]
-    pub fov: f64,
+    /// Vertical angle of view in degrees [default: 45, or 70 for the default view from inside].
+    #[arg(long, value_name = "DEG", value_parser = parse::fov)]
+    pub fov: Option<f64>,
     /// Colour behind the points; its alpha stays in the picture.
     #[arg(long, value_name = "RRGGBB[AA]", default_value = "1d1f23", value_parser = parse::color)]
     pub background: [u8; 4],

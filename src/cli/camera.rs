@@ -37,14 +37,18 @@ pub struct Lens {
     pub up: DVec3,
     /// Whether the user chose `up`; else another may be taken where it lies along the view.
     pub up_given: bool,
-    /// Vertical angle [rad].
-    pub fov: f64,
+    /// Vertical angle [rad], if the user chose it.
+    pub fov: Option<f64>,
     /// Width / height.
     pub aspect: f64,
 }
 
 /// Share of the picture that the default view leaves free on each side.
 const MARGIN: f64 = 0.04;
+
+/// Vertical angle of view [rad] from outside, and from inside, where there is more around.
+const FOV: f64 = 45.0 / 180.0 * std::f64::consts::PI;
+const FOV_INSIDE: f64 = 70.0 / 180.0 * std::f64::consts::PI;
 
 /// Direction in which azimuth 0 looks: −Z where y is up, +Y where z is up, and the same turned over where the opposite is.
 fn forward(up: DVec3) -> DVec3 {
@@ -92,6 +96,7 @@ pub fn view(pose: Pose, subject: &Subject, lens: &Lens) -> (View, Vec<String>) {
     let Bounds { center, .. } = subject.bounds;
     let radius = scale(subject);
     let mut said = Vec::new();
+    let mut fov = lens.fov.unwrap_or(FOV);
     let (eye, back, up) = match pose {
         Pose::LookAt { eye, target } => {
             let back = (eye - target).normalize();
@@ -106,17 +111,10 @@ pub fn view(pose: Pose, subject: &Subject, lens: &Lens) -> (View, Vec<String>) {
             let (back, up) = orbit_axes(lens.up, orbit.azimuth, orbit.elevation);
             (center + back * (orbit.distance * radius), back, up)
         }
-        Pose::Default => default_pose(subject, lens, &mut said),
+        Pose::Default => default_pose(subject, lens, &mut fov, &mut said),
     };
-    let look_at = View::look_at(
-        eye,
-        eye - back,
-        up,
-        View::perspective(lens.fov, lens.aspect, near(subject, eye)),
-        DepthConvention::Reversed,
-    );
-    // `look_at` rounds eye − target; the direction is exact here only because it does not depend on the distance.
-    (look_at, said)
+    let projection = View::perspective(fov, lens.aspect, near(subject, eye));
+    (View::look_at(eye, eye - back, up, projection, DepthConvention::Reversed), said)
 }
 
 /// The bounding radius, or what stands for it where all points are at one place.
@@ -148,11 +146,13 @@ fn near(subject: &Subject, eye: DVec3) -> f64 {
     (1e-3 * radius).min(0.5 * splat).clamp(1e-7 * radius, radius).max(1e-6 * distance)
 }
 
-fn default_pose(subject: &Subject, lens: &Lens, said: &mut Vec<String>) -> (DVec3, DVec3, DVec3) {
+fn default_pose(subject: &Subject, lens: &Lens, fov: &mut f64, said: &mut Vec<String>) -> (DVec3, DVec3, DVec3) {
     let b = &subject.bounds;
     if let Some(eye) = subject.viewpoint.filter(|v| v.cmpgt(b.robust_min).all() && v.cmplt(b.robust_max).all()) {
-        said.push("the view is the scanner's: it stood inside".into());
-        let (back, up) = orbit_axes(lens.up, 30.0, 0.0);
+        let azimuth = deepest(subject.balls, eye, lens.up);
+        said.push(format!("the view is the scanner's, which stood inside, along azimuth {azimuth}"));
+        *fov = lens.fov.unwrap_or(FOV_INSIDE);
+        let (back, up) = orbit_axes(lens.up, azimuth, 0.0);
         return (eye, back, up);
     }
     // Flat things are looked at from higher up.
@@ -162,7 +162,31 @@ fn default_pose(subject: &Subject, lens: &Lens, said: &mut Vec<String>) -> (DVec
     let elevation = if flat { 35.0 } else { 15.0 };
     let (back, up) = orbit_axes(lens.up, 30.0, elevation);
     said.push(format!("view from azimuth 30, elevation {elevation}, as near as everything fits"));
-    (fit(b.center, subject.balls, scale(subject), back, up, lens), back, up)
+    (fit(b.center, subject.balls, scale(subject), back, up, [*fov, lens.aspect]), back, up)
+}
+
+/// The azimuth, in steps of 15 degrees, in which what is seen from `eye` lies farthest away on average: from inside a
+/// room, its longest side and not the wall beside the scanner.
+fn deepest(balls: &[Ball], eye: DVec3, up: DVec3) -> f64 {
+    let mut best = (0.0, f64::NEG_INFINITY);
+    for azimuth in (0..24).map(|i| 15.0 * i as f64) {
+        let look = -orbit_axes(up, azimuth, 0.0).0;
+        let (mut sum, mut n) = (0.0, 0);
+        for (p, _) in balls {
+            let towards = *p - eye;
+            let ahead = towards.dot(look);
+            // About what the picture shows: 35 degrees to each side.
+            if ahead > 0.8 * towards.length() {
+                sum += ahead;
+                n += 1;
+            }
+        }
+        // A view of nothing is deep and dull.
+        if n * 50 > balls.len() && sum / n as f64 > best.1 {
+            best = (azimuth, sum / n as f64);
+        }
+    }
+    best.0
 }
 
 /// The nearest eye from which all balls lie within the margins.
@@ -170,11 +194,11 @@ fn default_pose(subject: &Subject, lens: &Lens, said: &mut Vec<String>) -> (DVec
 /// With x to the right and z towards the viewer, a ball lies left of the right side of the picture iff
 /// x + z t + r √(1 + t²) ≤ e_x + e_z t, t the tangent of half the angle, and likewise for the other sides: four largest
 /// values decide.
-fn fit(center: DVec3, balls: &[Ball], radius: f64, back: DVec3, up: DVec3, lens: &Lens) -> DVec3 {
+fn fit(center: DVec3, balls: &[Ball], radius: f64, back: DVec3, up: DVec3, [fov, aspect]: [f64; 2]) -> DVec3 {
     let right = up.cross(back).normalize();
     let up = back.cross(right);
-    let tan = (0.5 * lens.fov).tan() * (1.0 - 2.0 * MARGIN);
-    let tan = [tan * lens.aspect, tan];
+    let tan = (0.5 * fov).tan() * (1.0 - 2.0 * MARGIN);
+    let tan = [tan * aspect, tan];
     let mut most = [[f64::NEG_INFINITY; 2]; 2];
     let mut front = f64::NEG_INFINITY;
     for &(p, r) in balls {

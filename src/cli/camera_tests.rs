@@ -8,7 +8,7 @@ fn bounds(center: DVec3, half: DVec3) -> Bounds {
 }
 
 fn lens(up: DVec3, aspect: f64) -> Lens {
-    Lens { up, up_given: false, fov: 45f64.to_radians(), aspect }
+    Lens { up, up_given: false, fov: None, aspect }
 }
 
 fn eye(pose: Pose, subject: &Subject, lens: &Lens) -> DVec3 {
@@ -128,4 +128,14 @@ fn a_scanner_inside_is_where_the_view_starts() {
     assert!((eye(Pose::Default, &inside, &lens(DVec3::Z, 1.0)) - DVec3::ONE).length() < 1e-9);
     let outside = Subject { viewpoint: Some(DVec3::splat(30.0)), ..inside };
     assert!(eye(Pose::Default, &outside, &lens(DVec3::Z, 1.0)).length() > 3.0);
+}
+
+#[test]
+fn inside_the_view_goes_where_it_is_deep() {
+    // A long corridor along x, the scanner at its left end.
+    let walls = |i: usize| (dvec3(i as f64 * 0.02, if i.is_multiple_of(2) { 1.0 } else { -1.0 }, 0.0), 0.01);
+    let balls: Vec<Ball> = (0..1000).map(walls).collect();
+    // Looking along +X is azimuth 270 where z is up.
+    assert_eq!(deepest(&balls, dvec3(1.0, 0.0, 0.0), DVec3::Z), 270.0);
+    assert_eq!(deepest(&[], DVec3::ZERO, DVec3::Z), 0.0);
 }

@@ -67,7 +67,9 @@ pub fn color(args: &RenderArgs, has: Has) -> (ColorBy, Option<String>) {
     let (by, why) = match args.color {
         Some(by) => return (by, None),
         None if has.colors => return (ColorBy::Rgb, None),
-        None if has.intensity => (ColorBy::Intensity, "colour: intensity, since the input has no colours"),
+        None if has.intensity && !has.normals => {
+            (ColorBy::Intensity, "colour: intensity, since the input has no colours")
+        }
         None if has.z_up && !has.normals => (ColorBy::Height, "colour: height, since the input has no colours"),
         None => return (ColorBy::Rgb, None),
     };
@@ -147,6 +149,8 @@ mod tests {
         );
         let colors = [mesh, lidar, bare, photo].map(|h| color(&a, h).0);
         assert_eq!(colors, [ColorBy::Rgb, ColorBy::Intensity, ColorBy::Height, ColorBy::Rgb]);
+        // A mesh looks best as a shape, whatever else its vertices carry.
+        assert_eq!(color(&a, Has { intensity: true, ..mesh }).0, ColorBy::Rgb);
         let told = args(&["--shade", "phong", "--color", "normal"]);
         assert_eq!((shade(&told, lidar), color(&told, lidar)), ((Shade::Phong, None), (ColorBy::Normal, None)));
     }

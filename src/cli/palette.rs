@@ -17,7 +17,8 @@ const VIRIDIS: [[u8; 3]; 10] = [
 /// The ramp at `t`, clamped to 0…1; NaN is 0.
 pub fn ramp(t: f64) -> [u8; 3] {
     let last = VIRIDIS.len() - 1;
-    let at = t.max(0.0).min(1.0) * last as f64;
+    let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
+    let at = t * last as f64;
     let low = (at as usize).min(last - 1);
     let share = at - low as f64;
     std::array::from_fn(|i| {

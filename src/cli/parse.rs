@@ -54,7 +54,9 @@ pub fn input(text: OsString) -> Result<Input, String> {
         let names = SCENES.map(|(n, _)| n).join(", ");
         return Err(format!("there is no scene {name:?}; there are {names}"));
     }
-    let points = parts.next().map_or(Ok(DEMO_POINTS), count)?;
+    // A hundred points at each of ten places already say all there is to see.
+    let usual = if name == "coincident" { 1000 } else { DEMO_POINTS };
+    let points = parts.next().map_or(Ok(usual), count)?;
     let seed = match parts.next() {
         None => 1,
         Some(seed) => seed.parse().map_err(|_| format!("{seed:?} is not a seed: a whole number"))?,

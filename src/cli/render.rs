@@ -153,7 +153,7 @@ impl Scene {
         let viewpoint = clouds.iter().find_map(|c| c.viewpoint);
         let subject = Subject { bounds, balls: &balls, viewpoint };
         let aspect = args.size[0] as f64 / args.size[1] as f64;
-        let lens = Lens { up, up_given, fov: args.fov.to_radians(), aspect };
+        let lens = Lens { up, up_given, fov: args.fov.map(f64::to_radians), aspect };
         let (view, view_said) = camera::view(pose, &subject, &lens);
         assumed.extend(view_said);
         // One at a time: a cloud's arrays are given back as soon as they are packed.
