@@ -1,5 +1,6 @@
 //! Tests that need no Vulkan.
 
+mod cli;
 #[path = "../common/mod.rs"]
 mod common;
 

@@ -1,1 +1,5 @@
+//! Tests with Vulkan.
 
+mod cli;
+#[path = "../common/mod.rs"]
+mod common;
