@@ -1,1 +1,4 @@
+#[path = "../common/vulkan.rs"]
+mod vulkan;
 
+mod harness;
