@@ -1,7 +1,8 @@
 //! An engine that is not ours: its own entry, instance, device, allocator, command buffers and frame counter. It knows
 //! only what `surfel` publishes for embedders, and `Standalone` not at all.
 
-use std::collections::HashMap;
+use std::cell::{Cell, RefCell};
+use std::collections::{HashMap, VecDeque};
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex};
 
@@ -37,6 +38,11 @@ pub struct Engine {
     pub ledger: Arc<Mutex<Ledger>>,
     pub pool: vk::CommandPool,
     pub timeline: vk::Semaphore,
+    /// Wait by a fence a frame, as older engines do. Synchronization validation 1.3.239 knows nothing of timelines: to it,
+    /// memory that is used again after a timeline said so is still in use, so engines that share memory use fences here.
+    pub by_fences: bool,
+    fences: RefCell<VecDeque<(u64, vk::Fence)>>,
+    done: Cell<u64>,
     heard: Box<Heard>,
     messenger: (ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT),
     _entry: ash::Entry,
@@ -161,6 +167,9 @@ impl Engine {
                 ledger: Arc::default(),
                 pool,
                 timeline,
+                by_fences: false,
+                fences: RefCell::default(),
+                done: Cell::new(0),
                 heard,
                 messenger: (functions, messenger),
                 _entry: entry,
@@ -171,7 +180,12 @@ impl Engine {
     /// Runs a test with an engine, and afterwards looks for what was left alive, in the engine's own books and in the
     /// layers' messages.
     pub fn with(test: impl FnOnce(&Engine)) {
-        let engine = Engine::new();
+        Engine::with_progress(false, test);
+    }
+
+    /// The same, by fences or by a timeline.
+    pub fn with_progress(by_fences: bool, test: impl FnOnce(&Engine)) {
+        let engine = Engine { by_fences, ..Engine::new() };
         test(&engine);
         let messages = engine.close();
         assert!(messages.is_empty(), "{} validation messages:\n{}", messages.len(), messages.join("\n"));
@@ -232,12 +246,20 @@ impl Engine {
         // SAFETY: recording, every pass is closed; the timeline only grows.
         unsafe {
             self.device.end_command_buffer(cmd).expect("end");
-            self.device.queue_submit2(self.queue, &submit, vk::Fence::null()).expect("submit");
+            let mut fence = vk::Fence::null();
+            if self.by_fences {
+                fence = self.device.create_fence(&Default::default(), None).expect("a fence");
+                self.fences.borrow_mut().push_back((frame, fence));
+            }
+            self.device.queue_submit2(self.queue, &submit, fence).expect("submit");
         }
     }
 
     /// Waits until the timeline has reached `frame`.
     pub fn wait(&self, frame: u64) {
+        if self.by_fences {
+            return self.pass_fences(Some(frame));
+        }
         let (semaphores, values) = ([self.timeline], [frame]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: the semaphore lives; its value was or will be signalled by a submit that was made.
@@ -246,8 +268,30 @@ impl Engine {
 
     /// What the timeline says now.
     pub fn completed(&self) -> u64 {
+        if self.by_fences {
+            self.pass_fences(None);
+            return self.done.get();
+        }
         // SAFETY: the semaphore lives.
         unsafe { self.device.get_semaphore_counter_value(self.timeline) }.expect("a counter")
+    }
+
+    /// Takes in what is complete; waits for frames up to `wait`.
+    fn pass_fences(&self, wait: Option<u64>) {
+        let mut fences = self.fences.borrow_mut();
+        while let Some(&(frame, fence)) = fences.front() {
+            // SAFETY: the fence was submitted, and is destroyed once it has signalled.
+            unsafe {
+                if wait.is_some_and(|w| frame <= w) {
+                    self.device.wait_for_fences(&[fence], true, u64::MAX).expect("wait");
+                } else if !self.device.get_fence_status(fence).expect("a fence") {
+                    return;
+                }
+                self.device.destroy_fence(fence, None);
+            }
+            fences.pop_front();
+            self.done.set(frame);
+        }
     }
 
     fn close(self) -> Vec<String> {

@@ -3,6 +3,7 @@ mod vulkan;
 
 mod harness;
 mod host_engine;
+mod host_frames;
 mod host_scene;
 mod host_target;
 mod host_targets;
