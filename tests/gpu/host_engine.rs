@@ -318,6 +318,13 @@ pub struct OwnMemory {
     next: u64,
 }
 
+impl OwnMemory {
+    /// With books of its own.
+    pub fn with_ledger(self, ledger: Arc<Mutex<Ledger>>) -> OwnMemory {
+        OwnMemory { ledger, ..self }
+    }
+}
+
 impl GpuMemory for OwnMemory {
     fn allocate(&mut self, request: &MemoryRequest) -> surfel::Result<Memory> {
         let mut ledger = self.ledger.lock().unwrap();

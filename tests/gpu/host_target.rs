@@ -240,6 +240,17 @@ impl Target {
 
     /// The engine's frame. The command buffer is recording; the caller ends and submits it.
     pub fn record(&self, engine: &Engine, cmd: vk::CommandBuffer, renderer: &mut Renderer, frame: &Frame) {
+        self.try_record(engine, cmd, renderer, frame).expect("prepare");
+    }
+
+    /// The same, where `prepare` may fail: then the buffer goes on recording, with nothing of the library in it.
+    pub fn try_record(
+        &self,
+        engine: &Engine,
+        cmd: vk::CommandBuffer,
+        renderer: &mut Renderer,
+        frame: &Frame,
+    ) -> surfel::Result<()> {
         let kind = &self.kind;
         self.opaque(engine, cmd, frame);
         let lent = self.single_depth.as_ref().or(self.depth.as_ref()).filter(|_| kind.depth == Depth::Lent);
@@ -256,7 +267,7 @@ impl Target {
         };
         // SAFETY: recording outside a pass; ids grow; the depth is in its layout and visible, as `opaque` leaves it.
         unsafe {
-            renderer.prepare(cmd, &input).expect("prepare");
+            renderer.prepare(cmd, &input)?;
             renderer.render(cmd).expect("render");
         }
         self.begin_composite(engine, cmd);
@@ -264,6 +275,7 @@ impl Target {
         unsafe { renderer.composite(cmd) }.expect("composite");
         self.end_composite(engine, cmd);
         self.copy(engine, cmd);
+        Ok(())
     }
 
     /// Clears, and draws two rectangles without any shader. Leaves depth to be sampled.

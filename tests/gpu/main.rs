@@ -3,7 +3,9 @@ mod vulkan;
 
 mod harness;
 mod host_engine;
+mod host_faults;
 mod host_frames;
 mod host_scene;
+mod host_table;
 mod host_target;
 mod host_targets;
