@@ -1,5 +1,6 @@
 //! Tests with Vulkan.
 
+mod against_reference;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
