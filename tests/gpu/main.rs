@@ -1,6 +1,7 @@
 #[path = "../common/vulkan.rs"]
 mod vulkan;
 
+mod canary;
 mod harness;
 mod host_engine;
 mod host_faults;
