@@ -3,6 +3,7 @@
 pub mod canary;
 mod device;
 mod offscreen;
+pub mod selftest;
 pub mod validation;
 
 pub use device::{DeviceInfo, Options, Standalone};

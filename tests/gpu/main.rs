@@ -10,3 +10,4 @@ mod host_scene;
 mod host_table;
 mod host_target;
 mod host_targets;
+mod selftest;
