@@ -3,6 +3,7 @@ mod vulkan;
 
 mod canary;
 mod harness;
+mod host_contract;
 mod host_engine;
 mod host_faults;
 mod host_frames;
