@@ -1,10 +1,12 @@
 //! Tests with Vulkan.
 
 mod against_reference;
+mod canary;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
 mod harness;
+mod host_contract;
 mod host_engine;
 mod host_faults;
 mod host_frames;
@@ -12,5 +14,6 @@ mod host_scene;
 mod host_table;
 mod host_target;
 mod host_targets;
+mod selftest;
 #[path = "../common/vulkan.rs"]
 mod vulkan;
