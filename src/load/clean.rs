@@ -2,13 +2,11 @@
 
 use std::path::Path;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use super::PointCloud;
 use crate::error::{Error, Place, Result};
 
-/// Why points with NaN or infinite coordinates are missing.
-pub(super) const NON_FINITE: &str = "non-finite coordinates";
 /// Why points are missing whose offset does not fit an f32.
 pub(super) const TOO_FAR: &str = "coordinates too far from the rest for 32-bit floats";
 
@@ -21,11 +19,12 @@ pub(super) fn sample(n: usize) -> impl Iterator<Item = usize> {
     (0..n).step_by(step)
 }
 
-/// (2nd percentile, 98th percentile) of a sample: a stray point must not decide where precision goes.
+/// (2nd percentile, 98th percentile) of a sample, at least one value left out at each end if there are four: a stray
+/// point must not decide where precision goes.
 pub(super) fn core_range<T: Copy>(values: &mut [T], compare: impl Fn(&T, &T) -> std::cmp::Ordering) -> Option<(T, T)> {
     values.sort_unstable_by(compare);
     let last = values.len().checked_sub(1)?;
-    let skip = last / 50;
+    let skip = (last / 50).max(usize::from(last >= 3));
     Some((values[skip], values[last - skip]))
 }
 
@@ -108,53 +107,8 @@ pub(super) fn retain(cloud: &mut PointCloud, keep: &[bool]) {
     }
 }
 
-/// Makes normals unit vectors or zero, and counts what had to be done.
-#[cfg_attr(not(feature = "ply"), allow(dead_code))]
-pub(super) fn repair_normals(cloud: &mut PointCloud) {
-    let Some(normals) = &mut cloud.normals else { return };
-    let (mut zero, mut scaled) = (0u64, 0u64);
-    for n in normals.iter_mut() {
-        // In f64: squares of f32 neither overflow nor vanish.
-        let wide = n.as_dvec3();
-        let square = wide.length_squared();
-        if !square.is_finite() || square == 0.0 {
-            *n = Vec3::ZERO;
-            zero += 1;
-        } else if (square - 1.0).abs() > 4e-7 {
-            // 4e-7 is what rounding a unit vector to f32 can do; up to 2e-3 is what writing it as text with three
-            // digits can do, which is not worth a line.
-            scaled += u64::from((square - 1.0).abs() > 2e-3);
-            *n = (wide / square.sqrt()).as_vec3();
-        }
-    }
-    if zero == normals.len() as u64 {
-        cloud.normals = None;
-        cloud.report.assume("all normals in the file are zero: taken as absent");
-    } else {
-        cloud.report.repair("normals that were zero or not finite", zero);
-        cloud.report.repair("normals that were not of unit length", scaled);
-    }
-}
-
-/// Makes radii finite and positive: a broken one becomes the median of the others.
-#[cfg_attr(not(feature = "ply"), allow(dead_code))]
-pub(super) fn repair_radii(cloud: &mut PointCloud) {
-    let Some(radii) = &mut cloud.radii else { return };
-    let good = |r: f32| r.is_finite() && r > 0.0;
-    let broken = radii.iter().filter(|r| !good(**r)).count();
-    if broken == radii.len() {
-        cloud.radii = None;
-        cloud.report.assume("no radius in the file is positive: taken as absent");
-    } else if broken > 0 {
-        let mut fine: Vec<f32> = radii.iter().copied().filter(|r| good(*r)).collect();
-        let middle = fine.len() / 2;
-        let median = *fine.select_nth_unstable_by(middle, f32::total_cmp).1;
-        radii.iter_mut().filter(|r| !good(**r)).for_each(|r| *r = median);
-        cloud.report.repair("radii that were not positive", broken as u64);
-    }
-}
-
 /// The cloud, or the error that says why nothing is left of it.
+#[cfg_attr(not(any(feature = "ply", feature = "las")), allow(dead_code))]
 pub(super) fn finish(cloud: PointCloud, file: &Path) -> Result<PointCloud> {
     if !cloud.is_empty() {
         return Ok(cloud);

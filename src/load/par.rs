@@ -14,6 +14,7 @@ pub(super) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync + Se
 }
 
 /// Calls `f(index of the first item, items)` for consecutive blocks of at most `block` items.
+#[cfg_attr(not(feature = "ply"), allow(dead_code))]
 pub(super) fn fill<T: Send>(out: &mut [T], block: usize, f: impl Fn(usize, &mut [T]) + Sync + Send) {
     #[cfg(feature = "preprocess")]
     {

@@ -148,6 +148,9 @@ fn check(cloud: &PointCloud, points: &[Point], format: u8) {
 }
 
 proptest! {
+    // Compressing and decompressing unoptimised: 64 cases are about five seconds.
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
     #[test]
     fn every_format_comes_back_plain_and_compressed(
         points in points(), format in 0u8..11, extra in 0u16..4, chunk in prop::option::of(prop::sample::select(vec![1u32, 7, 50, 1000])),

@@ -4,6 +4,7 @@ mod ascii;
 mod faces;
 mod header;
 mod listed;
+mod repair;
 mod splat;
 mod table;
 mod vertices;

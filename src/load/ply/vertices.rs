@@ -5,8 +5,8 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 
 use super::header::{Element, Scalar};
-use super::splat;
 use super::table::{BLOCK, Field, Table};
+use super::{repair, splat};
 use crate::error::{Error, Place, Result};
 use crate::load::{PointCloud, Report, clean, par};
 
@@ -92,12 +92,10 @@ fn origin(rows: &Table, xyz: [Field; 3]) -> DVec3 {
 }
 
 /// Three columns as vectors, `origin` subtracted in f64 before the rounding.
-fn vectors(rows: &Table, [x, y, z]: [Field; 3], origin: DVec3) -> Vec<Vec3> {
+fn vectors(rows: &Table, xyz: [Field; 3], origin: DVec3) -> Vec<Vec3> {
     let mut out = vec![Vec3::ZERO; rows.rows()];
     par::fill(&mut out, BLOCK, |first, out| {
-        rows.each(x, first, out, |p, v| p.x = (v - origin.x) as f32);
-        rows.each(y, first, out, |p, v| p.y = (v - origin.y) as f32);
-        rows.each(z, first, out, |p, v| p.z = (v - origin.z) as f32);
+        rows.each3(xyz, first, out, |p, v| *p = (DVec3::from_array(v) - origin).as_vec3());
     });
     out
 }
@@ -109,7 +107,7 @@ fn note_lost(rows: &Table, xyz: [Field; 3], cloud: &mut PointCloud) {
         let finite = xyz.iter().all(|field| rows.at(*field, i).is_finite());
         *if finite { &mut far } else { &mut broken } += 1;
     }
-    cloud.report.drop(clean::NON_FINITE, broken);
+    cloud.report.drop("non-finite coordinates", broken);
     cloud.report.drop(clean::TOO_FAR, far);
 }
 
@@ -145,13 +143,9 @@ fn colors(rows: &Table, rgb: [Field; 3], report: &mut Report) -> Vec<[u8; 3]> {
     par::fill(&mut out, BLOCK, |first, out| {
         if plain {
             // The common case needs no rounding.
-            rows.each(rgb[0], first, out, |c, v| c[0] = v as u8);
-            rows.each(rgb[1], first, out, |c, v| c[1] = v as u8);
-            rows.each(rgb[2], first, out, |c, v| c[2] = v as u8);
+            rows.each3(rgb, first, out, |c, v| *c = v.map(|v| v as u8));
         } else {
-            rows.each(rgb[0], first, out, |c, v| c[0] = byte(v));
-            rows.each(rgb[1], first, out, |c, v| c[1] = byte(v));
-            rows.each(rgb[2], first, out, |c, v| c[2] = byte(v));
+            rows.each3(rgb, first, out, |c, v| *c = v.map(byte));
         }
     });
     if rgb.iter().any(|f| f.ty.is_float()) {
@@ -169,7 +163,7 @@ pub(super) fn clean(cloud: &mut PointCloud) {
     }
     if cloud.up.is_none() {
         // Not for Gaussian splats: theirs are unit vectors by construction, and counted already.
-        clean::repair_normals(cloud);
+        repair::normals(cloud);
     }
-    clean::repair_radii(cloud);
+    repair::radii(cloud);
 }
