@@ -161,13 +161,7 @@ mod tests {
     #[test]
     fn the_eye_is_where_it_was_put() {
         let eye = dvec3(6e6, -3.0, 2.0);
-        let v = View::look_at(
-            eye,
-            eye + dvec3(1.0, 2.0, 0.5),
-            DVec3::Z,
-            View::perspective(1.0, 1.0, 0.1),
-            Default::default(),
-        );
+        let v = View::look_at(eye, eye + dvec3(1.0, 2.0, 0.5), DVec3::Z, View::perspective(1.0, 1.0, 0.1), Default::default());
         assert!((v.eye().truncate() - eye).length() < 1e-8);
     }
 }

@@ -1,5 +1,11 @@
 //! Tests that need no Vulkan.
 
+mod attributes_degenerate;
+mod attributes_mesh;
+mod attributes_neighbours;
+mod attributes_normals;
+mod attributes_radii;
+mod attributes_shapes;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;

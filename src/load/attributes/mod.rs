@@ -1,7 +1,7 @@
 //! What a cloud's file does not say: normals and covering radii, from the faces or from the nearest neighbours.
 //!
 //! Everything runs on all of rayon's threads and gives the same bytes for any number of them. Beside the cloud it needs
-//! about 110 bytes a point. Each assumption is noted once in the cloud's report.
+//! about 100 bytes a point. Each assumption is noted once in the cloud's report.
 
 #![forbid(unsafe_code)]
 
@@ -56,7 +56,8 @@ impl Default for Options<'_> {
 /// With faces, normals are weighted by the faces' angles and radii reach ¾ of the longest edge; vertices
 /// without a face fall back on their neighbours. Without faces, normals are fitted to the nearest neighbours
 /// and turned to the scanner where its place is known, else made consistent by propagation; radii are
-/// [`MODEL.md`'s rule](self) in the tangent plane, guarded at borders and outliers. A point whose neighbours give no
+/// κ d₈ √(π/8), where d₈ is the 8th neighbour's distance in the tangent plane and κ is 1 for even sampling to 1.6 for
+/// random, guarded at borders and outliers. A point whose neighbours give no
 /// plane gets a zero normal: it faces the viewer. Radii are always finite and > 0: a cloud at one place has radius 1.
 ///
 /// Positions must be finite, normals (where present) unit or zero, faces in range; at most 2²⁹ points.
