@@ -11,9 +11,9 @@ use crate::color::{linear_to_srgb, srgb_to_linear};
 /// A picture in the encoding that errors are measured in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image {
-    /// [px]
+    /// In pixels.
     pub width: u32,
-    /// [px]
+    /// In pixels.
     pub height: u32,
     /// sRGB-encoded red, green, blue, nominally 0 to 1; rows from the top.
     pub rgb: Vec<[f64; 3]>,
@@ -103,7 +103,7 @@ pub struct Difference {
     pub covered: Option<u64>,
     /// Root of the mean squared error over all pixels and the three colours.
     pub rmse: f64,
-    /// 20 log₁₀ (1 / rmse) [dB]; infinite for equal pictures.
+    /// 20 log₁₀ (1 / rmse), in dB; infinite for equal pictures.
     pub psnr: f64,
     /// The same over covered pixels; `None` without coverage or where nothing is covered.
     pub psnr_covered: Option<f64>,

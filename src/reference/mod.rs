@@ -56,9 +56,9 @@ pub struct Scene<'a> {
     pub list: &'a DrawList,
     /// From where.
     pub view: &'a View,
-    /// [px]
+    /// In pixels.
     pub width: u32,
-    /// [px]
+    /// In pixels.
     pub height: u32,
     /// How fragments are combined; structure, selection, primitive and order are settled by `list`.
     pub technique: Technique,
@@ -72,9 +72,9 @@ pub struct Scene<'a> {
 /// The finished picture: rows from the top, `width · height` pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// [px]
+    /// In pixels.
     pub width: u32,
-    /// [px]
+    /// In pixels.
     pub height: u32,
     /// Linear light, premultiplied by the coverage in the fourth component.
     pub rgba: Vec<[f64; 4]>,

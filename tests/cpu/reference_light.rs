@@ -2,7 +2,7 @@
 
 use glam::vec3;
 use surfel::reference::Counts;
-use surfel::style::{BackFaces, EyeDome, Shading};
+use surfel::style::{BackFaces, EyeDome, Footprint, Shading, Style, Tolerance};
 
 use crate::reference_common::*;
 
@@ -104,4 +104,44 @@ fn every_dropped_splat_is_counted() {
     assert_eq!(counts(BackFaces::Auto, false), kept);
     assert_eq!(counts(BackFaces::Auto, true), culled);
     assert_eq!(counts(BackFaces::Cull, false), culled);
+}
+
+/// Whether pixel (4, 4) is a tie for this margin.
+fn tied(small: &Small, margin: f64) -> bool {
+    small.with(|scene| surfel::reference::render(scene, margin)).ties[4 * 8 + 4]
+}
+
+#[test]
+fn ties_by_hand() {
+    let one = |z: f32| Small::flat_view().splat([0.5, -0.5, z], Z, 2.2, RED);
+    let two = |z: f32| one(0.0).splat([0.5, -0.5, z], Z, 2.2, BLUE);
+    let absolute = |absolute| move |s: &mut Style| s.tolerance = Tolerance { absolute, relative: 0.0 };
+    let host = |value: f32| Small { host: Some(vec![value; 64]), ..one(0.0) };
+    let pixels = |side: f32| move |s: &mut Style| s.footprint = Footprint::Pixels(side);
+    for (name, scene, expected) in [
+        ("alone", one(0.0), false),
+        ("tolerance met", two(-0.5).style(absolute(0.5)), true),
+        ("within the tolerance", two(-0.5).style(absolute(0.51)), false),
+        ("beyond the tolerance", two(-0.5).style(absolute(0.49)), false),
+        ("equally near", two(0.0).opaque(), true),
+        ("nearest", two(0.001).opaque(), false),
+        ("at the host's depth", host(0.5), true),
+        ("behind the host's depth", host(0.51), false),
+        ("before the host's depth", host(0.49).opaque(), false),
+        ("on the near plane", one(4.0), true),
+        (
+            "a square's border",
+            Small::flat_view().splat([1.0, -0.5, 0.0], Z, 1.0, RED).opaque().style(pixels(1.0)),
+            true,
+        ),
+        ("a square's middle", one(0.0).opaque().style(pixels(1.0)), false),
+    ] {
+        assert_eq!(tied(&scene, 1e-6), expected, "{name}");
+        assert!(!tied(&scene, 0.0), "{name}, without margin");
+    }
+    // Turned away by 10⁻⁴: dropped, but an error of 10⁻³ may show it.
+    let edge = Small::flat_view().splat([0.5, -0.5, 0.0], [1.0, 0.0, -1e-4], 2.0, RED);
+    let edge = edge.style(|s| (s.back_faces, s.low_pass) = (BackFaces::Cull, 1.0));
+    assert_eq!((edge.render().counts.culled_cone, at(&edge.render(), 4, 4)[3]), (1, 0.0));
+    assert!(tied(&edge, 1e-3) && !tied(&edge, 1e-6));
 }
