@@ -9,7 +9,8 @@
 //!         x = ray ∩ plane;  u² = min(|x − p|² / r², |fragment − projected p|² / ρ²)
 //!         u ≤ 1 → a fragment: weight 2^(−4u²), z = depth of x, clamped to z_p ± r; none where z < near
 //! opaque:    the nearest fragment that is no deeper than the host's depth; of equals the first
-//! two-pass:  limit = min(host, min (z + ε));  sums of w, w·c, w·n over z ≤ limit;  c = Σwc / Σw, α = min(1, 2 Σw)
+//! two-pass:  limit = min(host, min (z + ε));  sums of w, w·c, w·n over z ≤ limit;  c = Σwc / Σw, α = min(1, 2 Σw), or 1
+//!            where any fragment lies behind the limit
 //! light on the normalised Σwn; then eye-dome lighting on the finished depths
 //! ```
 //! # Where it departs, and why

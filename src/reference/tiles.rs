@@ -165,6 +165,10 @@ struct State {
     weight: f64,
     color: DVec3,
     normal: DVec3,
+    /// The front hides a fragment (two-pass); whether rounding may see one; whether it cannot but see one.
+    hidden: bool,
+    hidden_perhaps: bool,
+    hidden_surely: bool,
     tie: bool,
 }
 
@@ -199,6 +203,9 @@ impl<'a> Tile<'a> {
                 weight: 0.0,
                 color: DVec3::ZERO,
                 normal: DVec3::ZERO,
+                hidden: false,
+                hidden_perhaps: false,
+                hidden_surely: false,
                 tie: false,
             }
         };
@@ -274,7 +281,7 @@ impl State {
             self.winner_sure = fragment.sure;
             self.weight = 1.0;
             self.color = splat.color;
-            self.normal = splat.n;
+            self.normal = splat.lit;
         }
     }
 
@@ -291,9 +298,10 @@ impl State {
     /// Two-pass, first: the limit min (z + ε).
     fn visibility(&mut self, splat: &Splat, number: u32, fragment: Fragment) {
         let back = fragment.z + splat.epsilon;
-        self.low.add(back - fragment.dz, number);
+        let d_back = fragment.dz + splat.d_epsilon;
+        self.low.add(back - d_back, number);
         if fragment.sure {
-            self.high.add(back + fragment.dz, number);
+            self.high.add(back + d_back, number);
         }
         if fragment.inside {
             self.limit = self.limit.min(back);
@@ -306,12 +314,16 @@ impl State {
             self.front = self.front.min(fragment.z);
             self.weight += fragment.weight;
             self.color += fragment.weight * splat.color;
-            self.normal += fragment.weight * splat.n;
+            self.normal += fragment.weight * splat.lit;
+        } else if fragment.inside {
+            self.hidden = true;
         }
         // A splat never hides itself: both passes compute the same z, so only the others' limits count.
         let perhaps = fragment.z - fragment.dz <= self.high.without(number).min(self.host + self.d_host);
         let surely = fragment.sure && fragment.z + fragment.dz <= self.low.without(number).min(self.host - self.d_host);
         self.tie |= perhaps && !surely;
+        self.hidden_perhaps |= !surely;
+        self.hidden_surely |= fragment.sure && !perhaps;
     }
 
     fn finish(&self, two_pass: bool, scene: &Scene, margin: f64) -> Pixel {
@@ -319,8 +331,10 @@ impl State {
             return Pixel { rgba: [0.0; 4], depth: f64::INFINITY, tie: margin > 0.0 && self.tie };
         }
         let (color, tie) = light(&scene.style.shading, self.color / self.weight, self.normal, &self.ray, margin);
-        let alpha = if two_pass { (2.0 * self.weight).min(1.0) } else { 1.0 };
+        // What a soft rim lets through is the background only where nothing lies behind.
+        let alpha = if two_pass && !self.hidden { (2.0 * self.weight).min(1.0) } else { 1.0 };
         let color = color * alpha;
-        Pixel { rgba: [color.x, color.y, color.z, alpha], depth: self.front, tie: margin > 0.0 && (tie || self.tie) }
+        let tie = tie || self.tie || two_pass && self.hidden_perhaps && !self.hidden_surely && self.weight < 0.5;
+        Pixel { rgba: [color.x, color.y, color.z, alpha], depth: self.front, tie: margin > 0.0 && tie }
     }
 }

@@ -46,8 +46,7 @@ impl Flat {
     /// Radii must be present (see `load::attributes`); at most 2³² − 1 points.
     pub fn new(cloud: &PointCloud) -> Flat {
         let radii = cloud.radii.as_ref().expect("radii are completed before a structure is built");
-        let geometry: Vec<[f32; 4]> =
-            cloud.positions.iter().zip(radii).map(|(p, &r)| [p.x, p.y, p.z, r]).collect();
+        let geometry: Vec<[f32; 4]> = cloud.positions.iter().zip(radii).map(|(p, &r)| [p.x, p.y, p.z, r]).collect();
         let blocks = geometry
             .chunks(BLOCK)
             .enumerate()

@@ -14,11 +14,7 @@ pub fn encode(n: Vec3) -> u32 {
         return NONE;
     }
     let n = n / l1;
-    let (x, y) = if n.z >= 0.0 {
-        (n.x, n.y)
-    } else {
-        ((1.0 - n.y.abs()) * sign(n.x), (1.0 - n.x.abs()) * sign(n.y))
-    };
+    let (x, y) = if n.z >= 0.0 { (n.x, n.y) } else { ((1.0 - n.y.abs()) * sign(n.x), (1.0 - n.x.abs()) * sign(n.y)) };
     let quantise = |v: f64| (v.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16 as u32;
     quantise(x) | quantise(y) << 16
 }

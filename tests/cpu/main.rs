@@ -1,14 +1,15 @@
 //! Tests that need no Vulkan.
 
+mod cli;
+#[path = "../common/mod.rs"]
+mod common;
+
 mod attributes_degenerate;
 mod attributes_mesh;
 mod attributes_neighbours;
 mod attributes_normals;
 mod attributes_radii;
 mod attributes_shapes;
-mod cli;
-#[path = "../common/mod.rs"]
-mod common;
 mod load_bad;
 mod load_files;
 mod load_las;

@@ -32,7 +32,6 @@ fn oracle(scene: &Scene) -> Vec<(DVec4, f64)> {
         let [x, y, z, r] = instance.flat.geometry[i].map(|v| v as f64);
         let p = instance.transform.transform_point3(instance.flat.origin + dvec3(x, y, z));
         let mut r = r * style.radius_scale as f64 * instance.transform.x_axis.length();
-        let eps = (style.tolerance.absolute as f64).max(style.tolerance.relative as f64 * r);
         // Towards the viewer; `eye` is a direction in orthographic views.
         let v = if eye.w == 0.0 { eye.truncate() } else { eye.truncate() - p };
         let normal = instance.flat.normals.as_ref().and_then(|n| octahedral::decode(n[i]));
@@ -41,6 +40,17 @@ fn oracle(scene: &Scene) -> Vec<(DVec4, f64)> {
         if cull && n.dot(v) < 0.0 {
             return None;
         }
+        // The low-pass counts as radius: ρ pixels across the ray, tan θ (1 to 8) times as deep.
+        let mut spread = 0.0;
+        if linear(p) >= near {
+            let (a, b) = v.normalize().any_orthonormal_pair();
+            let h = 1e-5 * v.length();
+            let across = |t: DVec3| (pixel(p + h * t) - pixel(p - h * t)) / (2.0 * h);
+            let width = 1.0 / across(a).perp_dot(across(b)).abs().sqrt();
+            let cos = n.dot(v.normalize()).abs();
+            spread = style.low_pass as f64 * width * ((1.0 - cos * cos).max(0.0).sqrt() / cos).clamp(1.0, 8.0);
+        }
+        let eps = (style.tolerance.absolute as f64).max(style.tolerance.relative as f64 * r.max(spread));
         let color = instance.flat.colors.as_ref().map_or(style.base_color, |c| {
             let [r, g, b, _] = c[i].to_le_bytes();
             [r, g, b]
@@ -100,7 +110,8 @@ fn oracle(scene: &Scene) -> Vec<(DVec4, f64)> {
             return (visible().find(|h| h.0 == front).unwrap().3.extend(1.0), front);
         }
         let weight: f64 = visible().map(|h| h.1).sum();
-        let alpha = (2.0 * weight).min(1.0);
+        // What a soft rim lets through is the background only where nothing lies behind.
+        let alpha = if hits.iter().any(|h| h.0 > limit) { 1.0 } else { (2.0 * weight).min(1.0) };
         let color: DVec3 = visible().map(|h| h.1 * h.3).sum();
         ((color / weight * alpha).extend(alpha), front)
     };
