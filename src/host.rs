@@ -6,7 +6,9 @@ use ash::vk;
 use glam::DMat4;
 
 use crate::draw::targets;
+use crate::error::{Error, Result};
 use crate::gpu::GpuMemory;
+use crate::gpu::layout::MAX_VIEWS;
 use crate::select::View;
 use crate::style::Style;
 use crate::technique::Technique;
@@ -156,6 +158,38 @@ pub struct TargetFormats {
     pub encode_srgb: bool,
 }
 
+impl TargetFormats {
+    /// Refuses here what could not be drawn to later.
+    pub(crate) fn check(&self, instance: &ash::Instance, physical_device: vk::PhysicalDevice) -> Result<()> {
+        let refuse = |what: String| Err(Error::Unsupported(what));
+        let mask = self.view_mask;
+        if mask.trailing_ones() != u32::BITS - mask.leading_zeros() || mask.count_ones() as usize > MAX_VIEWS {
+            return refuse(format!("view mask {mask:#b}: bits from 0 without gaps, at most {MAX_VIEWS}"));
+        }
+        let lacks = |format, wanted| {
+            // SAFETY: the physical device belongs to the instance (a precondition).
+            let found = unsafe { instance.get_physical_device_format_properties(physical_device, format) };
+            !found.optimal_tiling_features.contains(wanted)
+        };
+        if lacks(self.color, vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND) {
+            return refuse(format!("a colour target of format {:?}: this device cannot blend into it", self.color));
+        }
+        if let Some(depth) = self.depth.filter(|d| lacks(*d, vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT)) {
+            return refuse(format!("a depth target of format {depth:?}: this device cannot draw to it"));
+        }
+        // SAFETY: as above.
+        let limits = unsafe { instance.get_physical_device_properties(physical_device) }.limits;
+        let mut samples = limits.framebuffer_color_sample_counts;
+        if self.depth.is_some() {
+            samples &= limits.framebuffer_depth_sample_counts;
+        }
+        if self.samples.as_raw().count_ones() != 1 || !samples.contains(self.samples) {
+            return refuse(format!("{:?} samples a pixel: this device has {samples:?}", self.samples));
+        }
+        Ok(())
+    }
+}
+
 /// How the host begins the pass that `composite` is recorded in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PassKind {
@@ -195,7 +229,7 @@ pub struct HostDepth {
 /// One frame as plain data.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameInput<'a> {
-    /// The host's counter: greater than that of every earlier frame.
+    /// The host's counter, from 1: greater than that of every earlier frame.
     pub id: u64,
     /// Size of the picture [px], at least 1 × 1.
     pub extent: vk::Extent2D,

@@ -46,6 +46,7 @@ pub mod technique;
 pub use ash;
 pub use error::{Error, Place, Result};
 pub use gpu::layout::MAX_VIEWS;
+pub use gpu::{GpuMemory, Location, Memory, MemoryRequest, SharedAllocator};
 pub use host::{CloudId, Enabled, FrameInput, Host, HostDepth, Instance, PassKind, Requirements, TargetFormats};
 pub use renderer::Renderer;
 pub use stats::FrameStats;

@@ -20,7 +20,7 @@ use crate::draw::{count, opaque, two_pass};
 use crate::error::{Error, Result};
 use crate::gpu::Context;
 use crate::gpu::barrier::Access;
-use crate::gpu::layout::{CountPush, MAX_VIEWS};
+use crate::gpu::layout::CountPush;
 use crate::gpu::memory::Location;
 use crate::gpu::pass::{Recorder, Use};
 use crate::gpu::program::Program;
@@ -46,12 +46,21 @@ pub struct Renderer {
     targets: Option<Targets>,
     slots: Vec<Slot>,
     retired: RetireQueue,
+    /// Filled, not yet recorded: the copies of a `prepare` that failed after them wait here for the next one.
+    staged: Vec<Staged>,
     current: Option<Current>,
+    /// Id of the last frame that was prepared.
     newest: u64,
     completed: u64,
     /// Bytes that one `prepare` uploads at most, rounded up to a chunk (64 MiB of geometry and its attributes): the rest
     /// follows in later frames, and what is there is drawn. Unlimited by default.
     pub upload_budget: u64,
+}
+
+/// Copies to record, and the cloud that they fill; none for what belongs to the renderer.
+struct Staged {
+    cloud: Option<CloudId>,
+    upload: Upload,
 }
 
 /// A frame between `prepare` and `composite`.
@@ -69,7 +78,8 @@ struct Current {
 impl Renderer {
     /// Makes a renderer for one kind of target.
     ///
-    /// Fails with [`Error::Unsupported`], naming every missing item, where the device lacks something required.
+    /// Fails with [`Error::Unsupported`], naming every missing item, where the device lacks something required, or where
+    /// it cannot draw to such a target.
     ///
     /// # Safety
     /// - `host.instance`, `host.physical_device` and `host.device` belong together and outlive the renderer.
@@ -82,14 +92,7 @@ impl Renderer {
             let names: Vec<_> = missing.iter().map(|m| m.to_string()).collect();
             return Err(Error::Unsupported(format!("this device lacks {}", names.join(", "))));
         }
-        if formats.view_mask.trailing_ones() != u32::BITS - formats.view_mask.leading_zeros()
-            || formats.view_mask.count_ones() as usize > MAX_VIEWS
-        {
-            return Err(Error::Unsupported(format!(
-                "view mask {:#b}: bits from 0 without gaps, at most {MAX_VIEWS}",
-                formats.view_mask
-            )));
-        }
+        formats.check(&host.instance, host.physical_device)?;
         let context = Context::new(
             &host.instance,
             host.physical_device,
@@ -123,6 +126,7 @@ impl Renderer {
             targets: None,
             slots: Vec::new(),
             retired: RetireQueue::default(),
+            staged: Vec::new(),
             current: None,
             newest: 0,
             completed: 0,
@@ -143,6 +147,9 @@ impl Renderer {
     pub fn remove(&mut self, id: CloudId) {
         if let Some(cloud) = self.clouds.remove(&id) {
             cloud.retire(&mut self.retired, self.newest);
+            for gone in self.staged.extract_if(.., |s| s.cloud == Some(id)) {
+                self.retired.push(self.newest, Retired::Buffer(gone.upload.staging));
+            }
         }
     }
 
@@ -152,6 +159,11 @@ impl Renderer {
     }
 
     /// Records uploads and what a frame needs before it draws.
+    ///
+    /// All that can fail is done before anything is recorded: after an error `cmd` is as it was, the frame does not
+    /// exist, and the call may be repeated with the same id or a later one, or given up. Where memory runs out in the
+    /// middle of the uploads, what was staged is recorded and the rest waits for a later frame; an error says that
+    /// nothing at all could be staged. After success the commands must be submitted before the next `prepare`.
     ///
     /// # Safety
     /// - `cmd` is recording, outside any pass, on a queue family with graphics and compute; `render` and `composite` of
@@ -164,8 +176,8 @@ impl Renderer {
     pub unsafe fn prepare(&mut self, cmd: vk::CommandBuffer, input: &FrameInput) -> Result<()> {
         debug_assert!(input.id > self.newest, "frame ids grow");
         debug_assert_eq!(input.views.len(), (self.formats.view_mask.count_ones() as usize).max(1), "a view a bit");
+        debug_assert!(input.views.iter().all(|v| v.depth == input.views[0].depth), "one depth convention a target");
         self.current = None;
-        self.newest = input.id;
         let mut stats = FrameStats { frame: input.id, ..FrameStats::default() };
 
         let traits: Vec<CloudTraits> = input.instances.iter().map(|i| self.cloud(i).traits()).collect();
@@ -180,11 +192,8 @@ impl Renderer {
         stats.skipped.clone_from(&plan.skipped);
         self.ensure_targets(input, &plan)?;
         let draws = (input.views.len() * input.instances.len()).max(1) as u64;
-        let slot = self.ensure_slot(input.id, draws)?;
-        if let Some(timestamps) = &mut self.slots[slot].timestamps {
-            timestamps.reset(&self.context, cmd);
-        }
-        stats.bytes_uploaded = self.upload(cmd, slot, input.id)?;
+        let slot = self.ensure_slot(draws)?;
+        self.stage()?;
 
         let Some(targets) = &self.targets else { unreachable!("made above") };
         let targets_plan = targets.plan;
@@ -245,8 +254,12 @@ impl Renderer {
             });
         }
         stats.pipelines_built = self.ensure_pipelines(input, &plan, &views)?;
-        self.ensure_indices(cmd, input.id, plan.quads || any_large)?;
+        self.ensure_indices(plan.quads || any_large)?;
 
+        // Nothing fails from here on.
+        self.newest = input.id;
+        stats.bytes_uploaded = self.record_uploads(cmd, slot);
+        self.slots[slot].frame = input.id;
         let slot_ref = &mut self.slots[slot];
         let Some(targets) = &self.targets else { unreachable!("made above") };
         let frame = frame_params(&cameras, input.extent, input.offset, input.style);
@@ -395,6 +408,9 @@ impl Renderer {
             cloud.retire(&mut self.retired, u64::MAX);
         }
         self.retired.collect(context, u64::MAX);
+        for Staged { upload, .. } in self.staged {
+            upload.staging.destroy(context);
+        }
         for slot in self.slots {
             slot.destroy(context);
         }
@@ -430,13 +446,13 @@ impl Renderer {
         }
         let made = Targets::new(&mut self.context, wanted)?;
         if let Some(old) = self.targets.replace(made) {
-            old.retire(&mut self.retired, input.id - 1);
+            old.retire(&mut self.retired, self.newest);
         }
         Ok(())
     }
 
     /// A slot whose last frame is complete and that has room for so many clouds times views.
-    fn ensure_slot(&mut self, frame: u64, draws: u64) -> Result<usize> {
+    fn ensure_slot(&mut self, draws: u64) -> Result<usize> {
         let free = self.slots.iter().position(|s| s.frame <= self.completed && s.stats.is_none());
         let index = match free {
             Some(index) if self.slots[index].capacity() >= draws => index,
@@ -451,39 +467,47 @@ impl Renderer {
                 self.slots.len() - 1
             }
         };
-        self.slots[index].frame = frame;
         Ok(index)
     }
 
-    fn upload(&mut self, cmd: vk::CommandBuffer, slot: usize, frame: u64) -> Result<u64> {
-        let mut bytes = 0;
-        let mut uploads: Vec<Upload> = Vec::new();
-        let mut failed = None;
-        'clouds: for cloud in self.clouds.values_mut() {
+    /// Makes chunks and fills their staging memory, as far as budget and memory go.
+    fn stage(&mut self) -> Result<()> {
+        let mut bytes: u64 = self.staged.iter().map(|s| s.upload.staging.size).sum();
+        for (&id, cloud) in &mut self.clouds {
             while bytes < self.upload_budget {
                 match cloud.upload_next(&mut self.context, &self.splats) {
                     Ok(Some(upload)) => {
                         bytes += upload.staging.size;
-                        uploads.push(upload);
+                        self.staged.push(Staged { cloud: Some(id), upload });
                     }
                     Ok(None) => break,
-                    Err(e) => {
-                        failed = Some(e);
-                        break 'clouds;
-                    }
+                    // What is staged is freed when this frame is complete: there may be room then.
+                    Err(Error::OutOfDeviceMemory { .. }) if bytes > 0 => return Ok(()),
+                    Err(e) => return Err(e),
                 }
             }
         }
-        if !uploads.is_empty() {
-            let timestamps = self.slots[slot].timestamps.as_mut();
+        Ok(())
+    }
+
+    /// Records what is staged, and starts the frame's timestamps. Returns the bytes copied.
+    fn record_uploads(&mut self, cmd: vk::CommandBuffer, slot: usize) -> u64 {
+        let mut timestamps = self.slots[slot].timestamps.as_mut();
+        if let Some(timestamps) = &mut timestamps {
+            timestamps.reset(&self.context, cmd);
+        }
+        let staged = std::mem::take(&mut self.staged);
+        if !staged.is_empty() {
             let mut recorder = Recorder::new(&self.context, cmd, timestamps);
-            recorder.pass("upload", vec![], |context, cmd| uploads.iter().for_each(|u| u.record(context, cmd)));
+            recorder.pass("upload", vec![], |context, cmd| staged.iter().for_each(|s| s.upload.record(context, cmd)));
             recorder.barrier(vec![Use::Memory(Access::CopyWrite, Access::VertexRead)]);
         }
-        for upload in uploads {
-            self.retired.push(frame, Retired::Buffer(upload.staging));
+        let mut bytes = 0;
+        for Staged { upload, .. } in staged {
+            bytes += upload.staging.size;
+            self.retired.push(self.newest, Retired::Buffer(upload.staging));
         }
-        failed.map_or(Ok(bytes), Err)
+        bytes
     }
 
     fn ensure_pipelines(&mut self, input: &FrameInput, plan: &FramePlan, views: &[Vec<Draw>]) -> Result<u32> {
@@ -508,7 +532,7 @@ impl Renderer {
         Ok(built)
     }
 
-    fn ensure_indices(&mut self, cmd: vk::CommandBuffer, frame: u64, needed: bool) -> Result<()> {
+    fn ensure_indices(&mut self, needed: bool) -> Result<()> {
         if !needed || self.indices.is_some() {
             return Ok(());
         }
@@ -524,10 +548,7 @@ impl Renderer {
             }
         };
         upload.write(&buffer, data);
-        let mut recorder = Recorder::new(&self.context, cmd, None);
-        recorder.pass("upload indices", vec![], |context, cmd| upload.record(context, cmd));
-        recorder.barrier(vec![Use::Memory(Access::CopyWrite, Access::VertexRead)]);
-        self.retired.push(frame, Retired::Buffer(upload.staging));
+        self.staged.push(Staged { cloud: None, upload });
         self.indices = Some(buffer);
         Ok(())
     }

@@ -1,6 +1,10 @@
 #version 460
-// One triangle over the picture.
+// One triangle over the picture (vertices 0 to 2), or two that stay inside it (3 to 8): see `resolve` in
+// src/composite/resolve.rs.
+const vec2 CORNER[9] = vec2[](
+    vec2(-1, -1), vec2(3, -1), vec2(-1, 3),
+    vec2(-1, -1), vec2(1, -1), vec2(-1, 1), vec2(-1, 1), vec2(1, -1), vec2(1, 1));
+
 void main() {
-    vec2 corner = vec2((gl_VertexIndex << 1) & 2, gl_VertexIndex & 2);
-    gl_Position = vec4(corner * 2.0 - 1.0, 0.0, 1.0);
+    gl_Position = vec4(CORNER[gl_VertexIndex], 0.0, 1.0);
 }

@@ -198,6 +198,9 @@ impl Composite {
             min_depth: 0.0,
             max_depth: 1.0,
         };
+        // llvmpipe (Mesa 22.3) draws a triangle that it has to clip into view 0 alone, once for every view: with several
+        // views nothing leaves the clip volume.
+        let (first, vertices) = if self.formats.view_mask == 0 { (0, 3) } else { (3, 6) };
         let layout = self.program.layout;
         // SAFETY: recording inside the host's pass, which the pipeline was made for (preconditions of `composite`).
         unsafe {
@@ -205,7 +208,7 @@ impl Composite {
             context.device.cmd_set_scissor(cmd, 0, &[area]);
             context.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.resolve[&variant]);
             context.device.cmd_bind_descriptor_sets(cmd, vk::PipelineBindPoint::GRAPHICS, layout, 0, &[set], &[]);
-            context.device.cmd_draw(cmd, 3, 1, 0, 0);
+            context.device.cmd_draw(cmd, vertices, 1, first, 0);
         }
     }
 

@@ -69,18 +69,25 @@ impl Timestamps {
         self.used += views;
     }
 
-    /// Names and durations [ms] of the passes, in order; call once the frame is complete.
+    /// Names and durations [ms] of the passes, in order, without those that were not timed; call once the frame is
+    /// complete.
     pub fn read(&self, context: &Context) -> Result<Vec<(&'static str, f64)>> {
         if self.used == 0 {
             return Ok(Vec::new());
         }
-        let mut ticks = vec![0u64; self.used as usize];
-        // SAFETY: the pool lives, the range was written by a frame that is complete (a precondition).
-        unsafe { context.device.get_query_pool_results(self.pool, 0, &mut ticks, vk::QueryResultFlags::TYPE_64) }
-            .named("vkGetQueryPoolResults")?;
+        // Value and availability. A multiview pass owns as many queries as it has views, but only the first is promised a
+        // time: lavapipe leaves the others unavailable.
+        let mut ticks = vec![[0u64; 2]; self.used as usize];
+        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WITH_AVAILABILITY;
+        // SAFETY: the pool lives, the range was reset by a frame that is complete (a precondition).
+        match unsafe { context.device.get_query_pool_results(self.pool, 0, &mut ticks, flags) } {
+            Ok(()) | Err(vk::Result::NOT_READY) => {}
+            Err(e) => return Err(e).named("vkGetQueryPoolResults"),
+        }
         let ms = context.limits.timestamp_period as f64 * 1e-6;
-        let duration = |t: &Timed| ticks[t.end as usize].wrapping_sub(ticks[t.begin as usize]) as f64 * ms;
-        Ok(self.timed.iter().filter(|t| t.end < self.used).map(|t| (t.name, duration(t))).collect())
+        let tick = |query: u32| ticks.get(query as usize).filter(|t| t[1] != 0).map(|t| t[0]);
+        let duration = |t: &Timed| Some(tick(t.end)?.wrapping_sub(tick(t.begin)?) as f64 * ms);
+        Ok(self.timed.iter().filter_map(|t| Some((t.name, duration(t)?))).collect())
     }
 
     /// Destroys the pool; the device no longer uses it.

@@ -62,6 +62,7 @@ pub struct Standalone {
     pool: vk::CommandPool,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     listener: Box<Listener>,
+    closed: bool,
     // Last: the library that everything above was loaded from.
     _entry: ash::Entry,
 }
@@ -177,6 +178,7 @@ impl Standalone {
             pool: vk::CommandPool::null(),
             messenger,
             listener,
+            closed: false,
             _entry: entry,
         };
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -220,6 +222,11 @@ impl Standalone {
         self.listener.take()
     }
 
+    /// Wanted checks that the layers do not say are on; empty: all run.
+    pub fn lacking(&self, wanted: Layers) -> Vec<&'static str> {
+        wanted.lacking(&self.enables())
+    }
+
     /// What the layers said is enabled; empty where they are not loaded.
     pub fn enables(&self) -> String {
         self.listener.enables()
@@ -258,8 +265,17 @@ impl Standalone {
     }
 }
 
-impl Drop for Standalone {
-    fn drop(&mut self) {
+impl Standalone {
+    /// Destroys everything, and returns the messages until after the end: what was left alive is among them.
+    pub fn close(mut self) -> Vec<Message> {
+        self.tear_down();
+        self.listener.take()
+    }
+
+    fn tear_down(&mut self) {
+        if std::mem::replace(&mut self.closed, true) {
+            return;
+        }
         // SAFETY: everything that was made from the device is gone or waited for: renderers and targets are destroyed
         // by their owners first, and the queue is idle after the wait. The allocator goes before its device.
         unsafe {
@@ -272,6 +288,12 @@ impl Drop for Standalone {
             }
             self.instance.destroy_instance(None);
         }
+    }
+}
+
+impl Drop for Standalone {
+    fn drop(&mut self) {
+        self.tear_down();
     }
 }
 

@@ -42,6 +42,23 @@ impl Layers {
         self.core || self.sync || self.gpu_assisted
     }
 
+    /// Which of these checks the layer's own account (see [`Listener::enables`]) does not name.
+    ///
+    /// Hazards between submits have no switch in the API, only in the settings (`vk_layer_settings.txt`, or the variable
+    /// `VK_LAYER_ENABLES`), so a process in another folder may well lack them.
+    pub fn lacking(self, enables: &str) -> Vec<&'static str> {
+        // The layer leaves the enums' `_EXT` out, other versions may not.
+        let words = |w: &str| w.trim_end_matches("_EXT").to_owned();
+        let on = |name: &str| enables.split([' ', ',', ':', '.', '\n']).any(|word| words(word) == name);
+        let checks = [
+            (self.any(), "core", enables.contains("Current Enables") && enables.contains("Current Disables: None")),
+            (self.sync, "sync", on("VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION")),
+            (self.sync, "sync across submits", on("VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT")),
+            (self.gpu_assisted, "gpu-av", on("VK_VALIDATION_FEATURE_ENABLE_GPU_ASSISTED")),
+        ];
+        checks.into_iter().filter(|(wanted, _, there)| *wanted && !there).map(|(_, name, _)| name).collect()
+    }
+
     /// What to enable in the instance.
     pub fn features(self) -> Vec<vk::ValidationFeatureEnableEXT> {
         let mut features = Vec::new();

@@ -3,3 +3,13 @@
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
+mod harness;
+mod host_engine;
+mod host_faults;
+mod host_frames;
+mod host_scene;
+mod host_table;
+mod host_target;
+mod host_targets;
+#[path = "../common/vulkan.rs"]
+mod vulkan;

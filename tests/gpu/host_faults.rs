@@ -1,0 +1,221 @@
+//! Everything that can fail, fails once: the n-th allocation, the n-th creating call, for n = 1, 2, … until a run is
+//! through without a failure. Each time the error is typed, nothing is left behind, and the same call works when it is
+//! repeated: the pictures are those of a run in which nothing failed.
+
+use std::ffi::{CStr, c_void};
+use std::sync::{Arc, Mutex};
+
+use glam::DMat4;
+use surfel::ash::{self, vk};
+use surfel::select::DepthConvention;
+use surfel::style::Style;
+use surfel::technique::Technique;
+use surfel::{CloudId, Error, Host, Instance, Renderer};
+
+use crate::host_engine::{Engine, Ledger, OwnMemory};
+use crate::host_scene::{Lens, camera, sphere};
+use crate::host_table;
+use crate::host_target::{Depth, Frame, Kind, PLAIN, Target};
+
+const SMALL: Kind = Kind { size: [16, 12], extent: [16, 12], depth: Depth::Lent, geometry: true, ..PLAIN };
+const LARGER: Kind = Kind { size: [20, 12], extent: [20, 12], ..SMALL };
+
+/// Repeats what failed once. Returns the value and whether it failed.
+fn twice<T>(failures: &mut Vec<Error>, mut call: impl FnMut() -> surfel::Result<T>) -> T {
+    match call() {
+        Ok(value) => value,
+        Err(e) => {
+            failures.push(e);
+            call().expect("one failure was planted, the second try succeeds")
+        }
+    }
+}
+
+/// A life of a renderer: made, two clouds, a frame, a frame of another size with everything else that allocates.
+fn life(engine: &Engine, host: impl Fn() -> Host) -> (Vec<Vec<[f32; 4]>>, Vec<Error>) {
+    let mut failures = Vec::new();
+    let targets = [SMALL, LARGER].map(|kind| Target::new(engine, kind));
+    // SAFETY: the handles belong together and outlive the renderer.
+    let mut renderer = twice(&mut failures, || unsafe { Renderer::new(host(), targets[0].formats()) });
+    let clouds = [60, 40].map(|n| twice(&mut failures, || renderer.add(sphere(n))));
+    let style = Style::default();
+    // The blend with the fewest shaders to compile; what it allocates is what all do.
+    let techniques = ["flat.opaque.point", "flat.opaque.quad"].map(|n| Technique::named(n).expect("a preset"));
+    let cmd = engine.command_buffer();
+    let mut pictures = Vec::new();
+    for (target, technique) in targets.iter().zip(techniques) {
+        let view = camera(0, Lens::Straight, DepthConvention::Reversed, 4.0 / 3.0);
+        let instances = clouds.map(|cloud| Instance { cloud, transform: DMat4::IDENTITY });
+        let id = engine.completed() + 1;
+        engine.begin(cmd);
+        let frame = Frame { id, views: &[view], instances: &instances, technique, style: &style };
+        twice(&mut failures, || {
+            let recorded = target.try_record(engine, cmd, &mut renderer, &frame);
+            if recorded.is_err() {
+                // What an engine does with a frame that it gives up: nothing of it is submitted.
+                // SAFETY: not pending.
+                unsafe { engine.device.reset_command_buffer(cmd, Default::default()) }.expect("reset");
+                engine.begin(cmd);
+            }
+            recorded
+        });
+        engine.submit(cmd, id);
+        engine.wait(id);
+        renderer.retire(id).expect("statistics");
+        pictures.push(target.picture(0));
+    }
+    // SAFETY: all frames are complete.
+    unsafe { renderer.destroy() };
+    targets.into_iter().for_each(|t| t.destroy(engine));
+    (pictures, failures)
+}
+
+/// An upload that finds no room after others did is only postponed: no error, and the next frame has it.
+fn check(pictures: &[Vec<[f32; 4]>], wanted: &[Vec<[f32; 4]>], postponed: bool, case: &str) {
+    assert_eq!(pictures.len(), 2);
+    assert!(postponed || pictures[0] == wanted[0], "first picture, {case}");
+    assert!(pictures[1] == wanted[1], "second picture, {case}");
+}
+
+fn ledger_memory(engine: &Engine, ledger: &Arc<Mutex<Ledger>>) -> Box<OwnMemory> {
+    Box::new(engine.memory().with_ledger(Arc::clone(ledger)))
+}
+
+#[test]
+fn the_nth_allocation_fails_and_is_repeated() {
+    Engine::with(|engine| {
+        let (wanted, none) = life(engine, || engine.host());
+        assert!(none.is_empty() && wanted[0].iter().any(|p| *p != wanted[0][0]));
+        let mut reached = 0;
+        for n in 1.. {
+            let ledger = Arc::new(Mutex::new(Ledger { fail_at: Some(n), ..Ledger::default() }));
+            let (pictures, failures) =
+                life(engine, || engine.host_with(engine.device.clone(), ledger_memory(engine, &ledger)));
+            let postponed = failures.is_empty() && ledger.lock().unwrap().calls >= n;
+            check(&pictures, &wanted, postponed, &format!("allocation {n}: {failures:?}"));
+            assert_eq!(ledger.lock().unwrap().live, 0, "allocation {n}");
+            reached = n;
+            match &failures[..] {
+                [] if postponed => {}
+                [] => break,
+                [Error::OutOfDeviceMemory { requested, .. }] => assert!(*requested > 0),
+                other => panic!("allocation {n}: {other:?}"),
+            }
+        }
+        assert!(reached > 15, "{reached} allocations were tried");
+    });
+}
+
+#[test]
+fn the_nth_creating_call_fails_and_is_repeated() {
+    Engine::with(|engine| {
+        let device = host_table::wrapped_device(engine);
+        let host = || engine.host_with(device.clone(), Box::new(engine.memory()));
+        host_table::fail_at(0);
+        let (wanted, _) = life(engine, host);
+        let mut seen = std::collections::BTreeMap::new();
+        for n in 1.. {
+            host_table::fail_at(n);
+            let (pictures, failures) = life(engine, host);
+            let Some(call) = host_table::failed() else { break };
+            *seen.entry(call).or_insert(0) += 1;
+            check(&pictures, &wanted, failures.is_empty(), &format!("call {n}, {call}: {failures:?}"));
+            match &failures[..] {
+                // Postponed.
+                [] => {}
+                [Error::OutOfDeviceMemory { what, .. }] => assert_eq!(what, call),
+                other => panic!("call {n}, {call}: {other:?}"),
+            }
+        }
+        assert_eq!(seen.len(), 14, "every function that the library creates with has failed: {seen:?}");
+    });
+}
+
+/// Where memory stays short, what fits is drawn, and the rest when there is room again.
+#[test]
+fn uploads_without_room_wait() {
+    Engine::with(|engine| {
+        let target = Target::new(engine, SMALL);
+        let ledger = Arc::new(Mutex::new(Ledger { keep_failing: true, ..Ledger::default() }));
+        let host = engine.host_with(engine.device.clone(), ledger_memory(engine, &ledger));
+        // SAFETY: the handles belong together and outlive the renderer.
+        let mut renderer = unsafe { Renderer::new(host, target.formats()) }.expect("a renderer");
+        let clouds: [CloudId; 2] = [60, 40].map(|n| renderer.add(sphere(n)).expect("a cloud"));
+        let instances = clouds.map(|cloud| Instance { cloud, transform: DMat4::IDENTITY });
+        let (view, style) = (camera(0, Lens::Straight, DepthConvention::Reversed, 4.0 / 3.0), Style::default());
+        let cmd = engine.command_buffer();
+        let mut frame = |renderer: &mut Renderer| {
+            let id = engine.completed() + 1;
+            engine.begin(cmd);
+            let technique = Technique::default();
+            let frame = Frame { id, views: &[view], instances: &instances, technique, style: &style };
+            let recorded = target.try_record(engine, cmd, renderer, &frame);
+            // After an error too: what the engine itself recorded is whole, and nothing else is there.
+            engine.submit(cmd, id);
+            engine.wait(id);
+            recorded.map(|()| renderer.retire(id).expect("statistics").remove(0).points_submitted)
+        };
+        // Targets take 3, a slot 3, a chunk of geometry, normals and colours with its staging 4: room for one chunk.
+        let used = ledger.lock().unwrap().calls;
+        ledger.lock().unwrap().fail_at = Some(used + 3 + 3 + 4 + 1);
+        assert_eq!(frame(&mut renderer).expect("the first cloud fits"), 60);
+        // Nothing more fits: an error, and no harm.
+        assert!(matches!(frame(&mut renderer), Err(Error::OutOfDeviceMemory { .. })));
+        assert!(matches!(frame(&mut renderer), Err(Error::OutOfDeviceMemory { .. })));
+        ledger.lock().unwrap().fail_at = None;
+        assert_eq!(frame(&mut renderer).expect("room again"), 100);
+        // SAFETY: all frames are complete.
+        unsafe { renderer.destroy() };
+        assert_eq!(ledger.lock().unwrap().live, 0);
+        target.destroy(engine);
+    });
+}
+
+thread_local! {
+    static REAL: std::cell::Cell<Option<vk::PFN_vkGetPhysicalDeviceFeatures2>> = const { std::cell::Cell::new(None) };
+}
+
+/// A device without synchronization2 and blending of its own for each attachment.
+unsafe extern "system" fn fewer_features(device: vk::PhysicalDevice, features: *mut vk::PhysicalDeviceFeatures2) {
+    // SAFETY: the real function, and a chain of structs that begin as `BaseOutStructure` does.
+    unsafe {
+        REAL.get().expect("set before use")(device, features);
+        (*features).features.independent_blend = vk::FALSE;
+        let mut next = (*features).p_next.cast::<vk::BaseOutStructure>();
+        while !next.is_null() {
+            if (*next).s_type == vk::StructureType::PHYSICAL_DEVICE_VULKAN_1_3_FEATURES {
+                (*next.cast::<vk::PhysicalDeviceVulkan13Features>()).synchronization2 = vk::FALSE;
+            }
+            next = (*next).p_next;
+        }
+    }
+}
+
+#[test]
+fn a_device_that_lacks_something_is_refused_by_name() {
+    Engine::with(|engine| {
+        REAL.set(Some(engine.instance.fp_v1_1().get_physical_device_features2));
+        let instance = engine.instance.handle();
+        // SAFETY: the library was loaded by the engine and stays loaded.
+        let entry = unsafe { ash::Entry::load() }.expect("a loader");
+        let load = |name: &CStr| match name.to_bytes() {
+            b"vkGetPhysicalDeviceFeatures2" => fewer_features as *const c_void,
+            // SAFETY: the instance lives; an address or null comes back.
+            _ => unsafe { entry.get_instance_proc_addr(instance, name.as_ptr()) }
+                .map_or(std::ptr::null(), |f| f as *const c_void),
+        };
+        // SAFETY: the addresses are the instance's own, or of the same signature.
+        let lesser = unsafe { ash::Instance::load_with(load, instance) };
+        let requirements = surfel::Requirements::query(&lesser, engine.physical_device);
+        let names: Vec<_> = requirements.missing().iter().map(|m| m.name).collect();
+        assert_eq!(names, ["synchronization2", "independentBlend"]);
+        let target = Target::new(engine, SMALL);
+        let host = Host { instance: lesser, ..engine.host() };
+        // SAFETY: the handles belong together.
+        let Err(Error::Unsupported(why)) = (unsafe { Renderer::new(host, target.formats()) }) else {
+            panic!("it was not refused")
+        };
+        assert!(why.contains("synchronization2") && why.contains("independentBlend"), "{why}");
+        target.destroy(engine);
+    });
+}

@@ -1,0 +1,182 @@
+//! A device table of the engine's own: creating functions that fail on demand, and commands that are written down.
+//!
+//! The real functions and the orders are kept per thread: a test records on its own.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::ffi::{CStr, c_char, c_void};
+
+use surfel::ash::{self, vk};
+
+use crate::host_engine::Engine;
+
+#[derive(Default)]
+struct Table {
+    real: HashMap<&'static str, *const c_void>,
+    calls: u64,
+    fail_at: u64,
+    failed: Option<&'static str>,
+    commands: Vec<&'static str>,
+    images: Vec<vk::Image>,
+}
+
+thread_local! {
+    static TABLE: RefCell<Table> = RefCell::default();
+}
+
+/// Whether this call of a creating function is the one that fails.
+fn fails(name: &'static str) -> bool {
+    TABLE.with_borrow_mut(|t| {
+        t.calls += 1;
+        if t.calls == t.fail_at {
+            t.failed = Some(name);
+        }
+        t.calls == t.fail_at
+    })
+}
+
+fn real(name: &str) -> *const c_void {
+    TABLE.with_borrow(|t| t.real[name])
+}
+
+/// Wrappers of functions that create (they may fail) and of commands (they are noted).
+macro_rules! wrappers {
+    (create { $($create:ident = $name:literal ($($arg:ident: $ty:ty),*);)* }
+     command { $($command:ident = $note:literal ($($parameter:ident: $kind:ty),*);)* }) => {
+        $(unsafe extern "system" fn $create($($arg: $ty),*) -> vk::Result {
+            if fails($name) {
+                return vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
+            }
+            // SAFETY: the pointer is the real function of this name, which has this signature.
+            unsafe {
+                let function: unsafe extern "system" fn($($ty),*) -> vk::Result = std::mem::transmute(real($name));
+                function($($arg),*)
+            }
+        })*
+        $(unsafe extern "system" fn $command($($parameter: $kind),*) {
+            TABLE.with_borrow_mut(|t| t.commands.push($note));
+            // SAFETY: as above.
+            unsafe {
+                let function: unsafe extern "system" fn($($kind),*) = std::mem::transmute(real($note));
+                function($($parameter),*)
+            }
+        })*
+        fn wrapper(name: &str) -> Option<(&'static str, *const c_void)> {
+            match name {
+                $($name => Some(($name, $create as *const c_void)),)*
+                $($note => Some(($note, $command as *const c_void)),)*
+                _ => None,
+            }
+        }
+    };
+}
+
+type Info = *const c_void;
+type Out = *mut c_void;
+
+wrappers! {
+    create {
+        create_buffer = "vkCreateBuffer" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        create_image = "vkCreateImage" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        create_image_view = "vkCreateImageView" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        create_sampler = "vkCreateSampler" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        create_shader_module = "vkCreateShaderModule" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        create_set_layout = "vkCreateDescriptorSetLayout" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        create_layout = "vkCreatePipelineLayout" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        create_pool = "vkCreateDescriptorPool" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        create_query_pool = "vkCreateQueryPool" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        allocate_sets = "vkAllocateDescriptorSets" (device: vk::Device, info: Info, out: Out);
+        bind_buffer = "vkBindBufferMemory" (device: vk::Device, buffer: vk::Buffer, memory: vk::DeviceMemory, at: u64);
+        bind_image = "vkBindImageMemory" (device: vk::Device, image: vk::Image, memory: vk::DeviceMemory, at: u64);
+        graphics_pipelines = "vkCreateGraphicsPipelines"
+            (device: vk::Device, cache: vk::PipelineCache, count: u32, infos: Info, callbacks: Info, out: Out);
+        compute_pipelines = "vkCreateComputePipelines"
+            (device: vk::Device, cache: vk::PipelineCache, count: u32, infos: Info, callbacks: Info, out: Out);
+    }
+    command {
+        begin_rendering = "vkCmdBeginRendering" (cmd: vk::CommandBuffer, info: Info);
+        end_rendering = "vkCmdEndRendering" (cmd: vk::CommandBuffer);
+        set_viewport = "vkCmdSetViewport" (cmd: vk::CommandBuffer, first: u32, count: u32, viewports: Info);
+        set_scissor = "vkCmdSetScissor" (cmd: vk::CommandBuffer, first: u32, count: u32, scissors: Info);
+        copy_buffer = "vkCmdCopyBuffer"
+            (cmd: vk::CommandBuffer, from: vk::Buffer, to: vk::Buffer, count: u32, regions: Info);
+        fill_buffer = "vkCmdFillBuffer" (cmd: vk::CommandBuffer, buffer: vk::Buffer, at: u64, size: u64, data: u32);
+        bind_pipeline = "vkCmdBindPipeline"
+            (cmd: vk::CommandBuffer, point: vk::PipelineBindPoint, pipeline: vk::Pipeline);
+        bind_sets = "vkCmdBindDescriptorSets"
+            (cmd: vk::CommandBuffer, point: vk::PipelineBindPoint, layout: vk::PipelineLayout, first: u32, count: u32,
+             sets: Info, offsets: u32, offset: Info);
+        push = "vkCmdPushConstants"
+            (cmd: vk::CommandBuffer, layout: vk::PipelineLayout, stages: vk::ShaderStageFlags, at: u32, size: u32,
+             data: Info);
+        draw = "vkCmdDraw" (cmd: vk::CommandBuffer, vertices: u32, instances: u32, first: u32, instance: u32);
+        draw_indexed = "vkCmdDrawIndexed"
+            (cmd: vk::CommandBuffer, indices: u32, instances: u32, first: u32, offset: i32, instance: u32);
+        dispatch = "vkCmdDispatch" (cmd: vk::CommandBuffer, x: u32, y: u32, z: u32);
+        bind_vertices = "vkCmdBindVertexBuffers"
+            (cmd: vk::CommandBuffer, first: u32, count: u32, buffers: Info, offsets: Info);
+        bind_indices = "vkCmdBindIndexBuffer"
+            (cmd: vk::CommandBuffer, buffer: vk::Buffer, at: u64, kind: vk::IndexType);
+        reset_queries = "vkCmdResetQueryPool" (cmd: vk::CommandBuffer, pool: vk::QueryPool, first: u32, count: u32);
+        timestamp = "vkCmdWriteTimestamp2"
+            (cmd: vk::CommandBuffer, stage: vk::PipelineStageFlags2, pool: vk::QueryPool, query: u32);
+    }
+}
+
+unsafe extern "system" fn barrier(cmd: vk::CommandBuffer, info: *const vk::DependencyInfo) {
+    // SAFETY: the caller gives a valid description, and the pointer is the real function of this name.
+    unsafe {
+        let images =
+            (0..(*info).image_memory_barrier_count as usize).map(|i| (*(*info).p_image_memory_barriers.add(i)).image);
+        TABLE.with_borrow_mut(|t| {
+            t.commands.push("vkCmdPipelineBarrier2");
+            t.images.extend(images);
+        });
+        let function: vk::PFN_vkCmdPipelineBarrier2 = std::mem::transmute(real("vkCmdPipelineBarrier2"));
+        function(cmd, info);
+    }
+}
+
+/// The engine's device through wrappers. Commands and submissions that the library must never use are missing: a call
+/// ends the process with the function's name.
+pub fn wrapped_device(engine: &Engine) -> ash::Device {
+    TABLE.with_borrow_mut(|t| *t = Table::default());
+    let get = engine.instance.fp_v1_0().get_device_proc_addr;
+    let load = |name: &CStr| {
+        let text = name.to_str().unwrap();
+        // SAFETY: the device lives; an address or null comes back.
+        let address = unsafe { get(engine.device.handle(), name.as_ptr() as *const c_char) };
+        let address = address.map_or(std::ptr::null(), |f| f as *const c_void);
+        let found = match text {
+            "vkCmdPipelineBarrier2" => Some(("vkCmdPipelineBarrier2", barrier as *const c_void)),
+            _ => wrapper(text),
+        };
+        match found {
+            Some((name, wrapper)) => {
+                TABLE.with_borrow_mut(|t| t.real.insert(name, address));
+                wrapper
+            }
+            None if text.starts_with("vkCmd") || text.starts_with("vkQueue") || text.contains("Wait") => {
+                std::ptr::null()
+            }
+            None => address,
+        }
+    };
+    // SAFETY: every address is the device's own function of that name, or a wrapper of the same signature.
+    unsafe { ash::Device::load_with(load, engine.device.handle()) }
+}
+
+/// The `n`-th creating call from now on fails; 0: none does.
+pub fn fail_at(n: u64) {
+    TABLE.with_borrow_mut(|t| (t.calls, t.fail_at, t.failed) = (0, n, None));
+}
+
+/// Which call failed, if one did.
+pub fn failed() -> Option<&'static str> {
+    TABLE.with_borrow(|t| t.failed)
+}
+
+/// Names of the commands since the last call, and the images that barriers named.
+pub fn take_commands() -> (Vec<&'static str>, Vec<vk::Image>) {
+    TABLE.with_borrow_mut(|t| (std::mem::take(&mut t.commands), std::mem::take(&mut t.images)))
+}
