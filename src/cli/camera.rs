@@ -217,7 +217,7 @@ fn fit(center: DVec3, balls: &[Ball], radius: f64, back: DVec3, up: DVec3, [fov,
     }
     let [x, y] = most.map(|[plus, minus]| 0.5 * (plus - minus));
     let depth = |axis: usize| 0.5 * (most[axis][0] + most[axis][1]) / tan[axis];
-    let z = depth(0).max(depth(1)).max(front + 1e-3 * radius);
+    let z = depth(0).max(depth(1)).max(front + 1e-2 * radius);
     center + right * x + up * y + back * z
 }
 
