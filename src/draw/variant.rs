@@ -95,7 +95,8 @@ impl Variant {
             self.approximate as u32,
             self.cull as u32,
             self.normals as u32,
-            self.colors as u32,
+            // Depth alone needs no colour: its decoding would be a third of the vertex stage's arithmetic.
+            (self.colors && self.role != Role::Visibility) as u32,
             self.large as u32,
         ];
         let attachments = if self.surface { 2 } else { 1 };
