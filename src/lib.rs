@@ -50,3 +50,8 @@ pub use gpu::{GpuMemory, Location, Memory, MemoryRequest, SharedAllocator};
 pub use host::{CloudId, Enabled, FrameInput, Host, HostDepth, Instance, PassKind, Requirements, TargetFormats};
 pub use renderer::Renderer;
 pub use stats::FrameStats;
+
+/// Compiles the sample of the page.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/EMBEDDING.md")]
+struct Embedding;

@@ -400,7 +400,11 @@ fn make_device(
         let there = unsafe { instance.get_physical_device_features(physical_device) };
         core = core
             .vertex_pipeline_stores_and_atomics(there.vertex_pipeline_stores_and_atomics == vk::TRUE)
-            .fragment_stores_and_atomics(there.fragment_stores_and_atomics == vk::TRUE);
+            .fragment_stores_and_atomics(there.fragment_stores_and_atomics == vk::TRUE)
+            // For the canary whose shader picks a descriptor.
+            .shader_storage_buffer_array_dynamic_indexing(
+                there.shader_storage_buffer_array_dynamic_indexing == vk::TRUE,
+            );
     }
     let mut robustness = vk::PhysicalDeviceRobustness2FeaturesEXT::default();
     if options.robustness {

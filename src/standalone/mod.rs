@@ -1,8 +1,10 @@
 //! Our own instance, device and queue: for the command line, tests and benchmarks. Embedders bring theirs.
 
 pub mod bare;
+pub mod canary;
 mod device;
 mod offscreen;
+pub mod selftest;
 pub mod validation;
 
 pub use device::{DeviceInfo, Options, Standalone};

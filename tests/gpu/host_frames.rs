@@ -5,10 +5,11 @@ use std::sync::{Arc, Mutex};
 
 use glam::{DMat4, dvec3};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use surfel::ash::vk;
 use surfel::select::DepthConvention;
 use surfel::style::Style;
 use surfel::technique::Technique;
-use surfel::{CloudId, Instance, Renderer, SharedAllocator};
+use surfel::{CloudId, FrameInput, Instance, Renderer, SharedAllocator};
 
 use crate::host_engine::Engine;
 use crate::host_scene::{Lens, camera, sphere};
@@ -228,6 +229,51 @@ fn a_budget_spreads_uploads_over_frames() {
             assert_eq!(renderer.pending_upload(), pending);
             target.destroy(engine);
         }
+        // SAFETY: all frames are complete.
+        unsafe { renderer.destroy() };
+    });
+}
+
+/// A frame may end after `prepare`, as when a window is hidden: the uploads count, and the next frame draws.
+#[test]
+fn a_frame_may_end_after_prepare() {
+    Engine::with(|engine| {
+        let mut renderer = renderer(engine);
+        let cloud = renderer.add(sphere(400)).expect("a cloud");
+        let instances = [Instance { cloud, transform: DMat4::IDENTITY }];
+        let (view, style) = (camera(0, Lens::Straight, DepthConvention::Reversed, 1.25), Style::default());
+        let target = Target::new(engine, Kind { geometry: false, ..kind(0) });
+        let cmd = engine.command_buffer();
+        engine.begin(cmd);
+        let id = engine.completed() + 1;
+        let input = FrameInput {
+            id,
+            extent: vk::Extent2D { width: 48, height: 40 },
+            offset: vk::Offset2D::default(),
+            views: &[view],
+            instances: &instances,
+            technique: Technique::default(),
+            style: &style,
+            host_depth: None,
+            count: true,
+        };
+        // SAFETY: recording outside a pass; ids grow.
+        unsafe { renderer.prepare(cmd, &input) }.expect("prepare");
+        engine.submit(cmd, id);
+        engine.wait(id);
+        let stats = renderer.retire(id).expect("statistics").remove(0);
+        assert!(stats.bytes_uploaded >= 400 * 24 && stats.points_drawn.is_some_and(|n| n > 0), "{stats:?}");
+        assert!(stats.passes.iter().all(|p| !["visibility", "accumulate", "composite"].contains(&p.name)));
+        engine.begin(cmd);
+        let technique = Technique::default();
+        let frame = Frame { id: id + 4, views: &[view], instances: &instances, technique, style: &style };
+        target.record(engine, cmd, &mut renderer, &frame);
+        engine.submit(cmd, id + 4);
+        engine.wait(id + 4);
+        let stats = renderer.retire(id + 4).expect("statistics").remove(0);
+        assert_eq!((stats.frame, stats.bytes_uploaded), (id + 4, 0));
+        assert!(target.picture(0).iter().any(|p| p[3] > 0.0), "the cloud is there");
+        target.destroy(engine);
         // SAFETY: all frames are complete.
         unsafe { renderer.destroy() };
     });

@@ -252,7 +252,7 @@ impl Target {
         frame: &Frame,
     ) -> surfel::Result<()> {
         let kind = &self.kind;
-        self.opaque(engine, cmd, frame);
+        self.opaque(engine, cmd, &frame.views[0]);
         let lent = self.single_depth.as_ref().or(self.depth.as_ref()).filter(|_| kind.depth == Depth::Lent);
         let input = FrameInput {
             id: frame.id,
@@ -279,7 +279,7 @@ impl Target {
     }
 
     /// Clears, and draws two rectangles without any shader. Leaves depth to be sampled.
-    fn opaque(&self, engine: &Engine, cmd: vk::CommandBuffer, frame: &Frame) {
+    pub fn opaque(&self, engine: &Engine, cmd: vk::CommandBuffer, view: &View) {
         let kind = &self.kind;
         use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
         let attach = (S::COLOR_ATTACHMENT_OUTPUT, A::COLOR_ATTACHMENT_WRITE | A::COLOR_ATTACHMENT_READ);
@@ -329,7 +329,7 @@ impl Target {
                             .clear_value(vk::ClearValue { color: vk::ClearColorValue { float32: color } }),
                     ];
                     if self.depth.is_some() {
-                        let depth = depth_of(&frame.views[0], z) as f32;
+                        let depth = depth_of(view, z) as f32;
                         let depth_stencil = vk::ClearDepthStencilValue { depth, stencil: 0 };
                         clears.push(
                             vk::ClearAttachment::default()
@@ -354,7 +354,7 @@ impl Target {
         pipeline_barrier(engine, cmd, &barriers);
     }
 
-    fn begin_composite(&self, engine: &Engine, cmd: vk::CommandBuffer) {
+    pub fn begin_composite(&self, engine: &Engine, cmd: vk::CommandBuffer) {
         use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
         let attach = (S::COLOR_ATTACHMENT_OUTPUT, A::COLOR_ATTACHMENT_WRITE | A::COLOR_ATTACHMENT_READ);
         let tests = (
@@ -401,7 +401,7 @@ impl Target {
         unsafe { engine.device.cmd_begin_rendering(cmd, &info) };
     }
 
-    fn end_composite(&self, engine: &Engine, cmd: vk::CommandBuffer) {
+    pub fn end_composite(&self, engine: &Engine, cmd: vk::CommandBuffer) {
         // SAFETY: the pass was begun by `begin_composite`.
         unsafe {
             match self.kind.render_pass {

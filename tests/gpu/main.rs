@@ -3,7 +3,9 @@
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
+mod canary;
 mod harness;
+mod host_contract;
 mod host_engine;
 mod host_faults;
 mod host_frames;
@@ -13,3 +15,4 @@ mod host_target;
 mod host_targets;
 #[path = "../common/vulkan.rs"]
 mod vulkan;
+mod selftest;

@@ -1,0 +1,85 @@
+//! `docs/EMBEDDING.md` says which commands each entry point records, and that no barrier names an image of the host. The
+//! engine's device table writes down what is really called.
+
+use std::collections::BTreeSet;
+
+use glam::DMat4;
+use surfel::ash::vk;
+use surfel::select::DepthConvention;
+use surfel::style::Style;
+use surfel::technique::PRESETS;
+use surfel::{FrameInput, HostDepth, Instance, Renderer};
+
+use crate::host_engine::Engine;
+use crate::host_scene::{Lens, camera, sphere};
+use crate::host_table;
+use crate::host_target::{Depth, Kind, PLAIN, Target};
+
+/// The row of an entry point in the page's table of commands.
+fn documented(entry: &str) -> BTreeSet<&'static str> {
+    let page = include_str!("../../docs/EMBEDDING.md");
+    let start = format!("| {entry} | `vkCmd");
+    let row = page.lines().find(|l| l.starts_with(&start)).unwrap_or_else(|| panic!("no row for {entry}"));
+    row.split('`').filter(|word| word.starts_with("vkCmd")).collect()
+}
+
+#[test]
+fn the_page_lists_every_command() {
+    Engine::with(|engine| {
+        let kind = Kind { depth: Depth::Lent, size: [16, 12], extent: [16, 12], ..PLAIN };
+        let target = Target::new(engine, kind);
+        let device = host_table::wrapped_device(engine);
+        let host = engine.host_with(device, Box::new(engine.memory()));
+        // SAFETY: the handles belong together and outlive the renderer.
+        let mut renderer = unsafe { Renderer::new(host, target.formats()) }.expect("a renderer");
+        let cloud = renderer.add(sphere(50)).expect("a cloud");
+        let cmd = engine.command_buffer();
+        let mut recorded = [BTreeSet::new(), BTreeSet::new(), BTreeSet::new()];
+        let depth = target.depth.as_ref().expect("a depth");
+        let theirs: Vec<_> = [&target.color, depth].map(|t| t.image).into();
+        for (_, technique) in PRESETS {
+            let id = engine.completed() + 1;
+            let (view, style) = (camera(0, Lens::Straight, DepthConvention::Reversed, 4.0 / 3.0), Style::default());
+            let input = FrameInput {
+                id,
+                extent: vk::Extent2D { width: 16, height: 12 },
+                offset: vk::Offset2D::default(),
+                views: &[view],
+                instances: &[Instance { cloud, transform: DMat4::IDENTITY }],
+                technique: *technique,
+                style: &style,
+                host_depth: Some(HostDepth { view: depth.view, layout: vk::ImageLayout::DEPTH_READ_ONLY_OPTIMAL }),
+                count: true,
+            };
+            engine.begin(cmd);
+            host_table::take_commands();
+            let mut take = |i: usize| {
+                let (commands, images) = host_table::take_commands();
+                assert!(!commands.is_empty());
+                recorded[i].extend(commands);
+                assert!(images.iter().all(|i| !theirs.contains(i)), "a barrier names an image of the engine");
+            };
+            // SAFETY: recording; ids grow; `opaque` leaves the depth as the input says.
+            unsafe {
+                target.opaque(engine, cmd, &view);
+                renderer.prepare(cmd, &input).expect("prepare");
+                take(0);
+                renderer.render(cmd).expect("render");
+                take(1);
+                target.begin_composite(engine, cmd);
+                renderer.composite(cmd).expect("composite");
+                take(2);
+                target.end_composite(engine, cmd);
+            }
+            engine.submit(cmd, id);
+            engine.wait(id);
+            renderer.retire(id).expect("statistics");
+        }
+        for (entry, commands) in ["prepare", "render", "composite"].into_iter().zip(&recorded) {
+            assert_eq!(*commands, documented(entry), "{entry}: recorded, and in docs/EMBEDDING.md");
+        }
+        // SAFETY: all frames are complete.
+        unsafe { renderer.destroy() };
+        target.destroy(engine);
+    });
+}
