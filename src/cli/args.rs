@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 
 use super::parse::{self, Input, Orbit, Radius};
+use surfel::standalone::Layers;
 use surfel::technique::{Blend, Primitive, Structure};
 
 /// Renders point scans (LiDAR, photogrammetry, dense meshes) as elliptical Gaussian splats with Vulkan.
@@ -27,6 +28,8 @@ pub enum Command {
     Compare(CompareArgs),
     /// Lists the Vulkan devices of this machine.
     Devices,
+    /// Tries every technique and planted faults with the validation layers on.
+    Selftest(SelftestArgs),
 }
 
 /// Light.
@@ -195,4 +198,17 @@ pub struct CompareArgs {
     /// Counts the pixels in which a channel differs by more than this, of 255.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub tolerance: u8,
+}
+
+#[derive(Debug, Args)]
+pub struct SelftestArgs {
+    /// Checks of the validation layers: core, sync, gpu-av.
+    #[arg(long, value_name = "LIST", default_value = "core,sync", value_parser = Layers::parse)]
+    pub layers: Layers,
+    /// Writes a report that CI systems read.
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// Part of the name of the device to use [default: the fastest kind].
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
 }

@@ -1,9 +1,9 @@
 //! Tests with Vulkan.
 
+mod canary;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
-mod canary;
 mod harness;
 mod host_contract;
 mod host_engine;
@@ -13,6 +13,6 @@ mod host_scene;
 mod host_table;
 mod host_target;
 mod host_targets;
+mod selftest;
 #[path = "../common/vulkan.rs"]
 mod vulkan;
-mod selftest;
