@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 
 use super::parse::{self, Input, Orbit, Radius};
+use surfel::standalone::Layers;
 use surfel::technique::{Blend, Primitive, Structure};
 
 /// Renders point scans (LiDAR, photogrammetry, dense meshes) as elliptical Gaussian splats with Vulkan.
@@ -27,6 +28,8 @@ pub enum Command {
     Compare(CompareArgs),
     /// Lists the Vulkan devices of this machine.
     Devices,
+    /// Tries every technique and planted faults with the validation layers on.
+    Selftest(SelftestArgs),
 }
 
 /// Light.
@@ -105,7 +108,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "NAME", value_parser = axis(Blend::ALL))]
     pub blend: Option<Blend>,
     /// Level of detail in pixels. The flat structure has none: nothing is left out.
-    #[arg(long, value_name = "PX", value_parser = parse::not_negative)]
+    #[arg(long, value_name = "PX", allow_negative_numbers = true, value_parser = parse::not_negative)]
     pub threshold: Option<f64>,
     /// Azimuth and elevation in degrees, distance in radii of the bounding sphere. Azimuth 0 looks along −Z where y is
     /// up, along +Y where z is up.
@@ -121,7 +124,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "x|y|z|x,y,z", allow_hyphen_values = true, value_parser = parse::up)]
     pub up: Option<DVec3>,
     /// Vertical angle of view in degrees [default: 45, or 70 for the default view from inside].
-    #[arg(long, value_name = "DEG", value_parser = parse::fov)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = parse::fov)]
     pub fov: Option<f64>,
     /// Colour behind the points; its alpha stays in the picture.
     #[arg(long, value_name = "RRGGBB[AA]", default_value = "1d1f23", value_parser = parse::color)]
@@ -134,7 +137,7 @@ pub struct RenderArgs {
     pub color: Option<ColorBy>,
     /// Radius of splats: automatic, a length in the input's unit, a factor on the automatic one, or `px:N` for opaque
     /// points of N pixels.
-    #[arg(long, value_name = "auto|VALUE|scale:S|px:N", default_value = "auto", value_parser = parse::radius)]
+    #[arg(long, value_name = "auto|VALUE|scale:S|px:N", default_value = "auto", allow_negative_numbers = true, value_parser = parse::radius)]
     pub radius: Radius,
     /// What is rasterised for a splat.
     #[arg(long, value_name = "point|quad", default_value = "point", value_parser = axis(Primitive::ALL))]
@@ -143,13 +146,13 @@ pub struct RenderArgs {
     #[arg(long, value_enum, default_value = "exact")]
     pub ellipse: EllipseKind,
     /// How far behind the front still is the same surface, in radii of the splat.
-    #[arg(long, value_name = "REL", default_value = "1", value_parser = parse::not_negative)]
+    #[arg(long, value_name = "REL", default_value = "1", allow_negative_numbers = true, value_parser = parse::not_negative)]
     pub tolerance: f64,
     /// Splats that face away.
     #[arg(long, value_enum, default_value = "auto")]
     pub cull: Cull,
     /// Adds eye-dome lighting of this strength to any light [1 with `--shade edl`].
-    #[arg(long, value_name = "STRENGTH", value_parser = parse::not_negative)]
+    #[arg(long, value_name = "STRENGTH", allow_negative_numbers = true, value_parser = parse::not_negative)]
     pub edl: Option<f64>,
     /// Frames to time. One more, before them, counts points and builds what is built once.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100_000))]
@@ -195,4 +198,17 @@ pub struct CompareArgs {
     /// Counts the pixels in which a channel differs by more than this, of 255.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub tolerance: u8,
+}
+
+#[derive(Debug, Args)]
+pub struct SelftestArgs {
+    /// Checks of the validation layers: core, sync, gpu-av.
+    #[arg(long, value_name = "LIST", default_value = "core,sync", value_parser = Layers::parse)]
+    pub layers: Layers,
+    /// Writes a report that CI systems read.
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// Part of the name of the device to use [default: the fastest kind].
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
 }

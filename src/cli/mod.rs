@@ -19,6 +19,7 @@ mod parse;
 mod progress;
 mod render;
 mod report;
+mod selftest;
 
 use std::fmt;
 use std::io::{self, Write};
@@ -62,6 +63,7 @@ pub fn main() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Devices => devices::run(),
+        Command::Selftest(args) => selftest::run(&args),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

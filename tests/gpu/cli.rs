@@ -39,7 +39,10 @@ fn stderr(output: &Output) -> String {
 /// Small and with the layers on, so that code 0 also says that they were silent.
 fn render(inputs: &[&str], out: &str, more: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_surfel"));
-    command.arg("render").args(inputs).args(["-o", out, "--size", "160x120", "--frames", "2", "--validate"]).args(more);
+    command.arg("render").args(inputs).args(["-o", out, "--frames", "2", "--validate"]).args(more);
+    if !more.contains(&"--size") {
+        command.args(["--size", "160x120"]);
+    }
     command.output().expect("the binary starts")
 }
 

@@ -16,4 +16,5 @@ mod host_target;
 mod host_targets;
 mod selftest;
 #[path = "../common/vulkan.rs"]
+#[path = "../common/vulkan.rs"]
 mod vulkan;
