@@ -16,5 +16,4 @@ mod host_target;
 mod host_targets;
 mod selftest;
 #[path = "../common/vulkan.rs"]
-#[path = "../common/vulkan.rs"]
 mod vulkan;
