@@ -7,6 +7,7 @@ use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex};
 
 use surfel::ash::{self, ext, vk};
+use surfel::standalone::Layers;
 use surfel::{Enabled, GpuMemory, Host, Location, Memory, MemoryRequest, Requirements};
 
 /// What the layers said, and their account of what is on.
@@ -70,8 +71,7 @@ unsafe extern "system" fn hear(
 }
 
 impl Engine {
-    pub fn new() -> Engine {
-        let layers = crate::vulkan::layers();
+    pub fn new(layers: Layers) -> Engine {
         let heard = Box::<Heard>::default();
         // SAFETY: the loader is trusted; every description and all that it points to live until the call that takes it
         // returns; the listener is boxed and destroyed last.
@@ -185,7 +185,16 @@ impl Engine {
 
     /// The same, by fences or by a timeline.
     pub fn with_progress(by_fences: bool, test: impl FnOnce(&Engine)) {
-        let engine = Engine { by_fences, ..Engine::new() };
+        Engine { by_fences, ..Engine::new(crate::vulkan::layers()) }.run(test);
+    }
+
+    /// The same without checks inside shaders, for tests of many short lives: each would instrument every shader anew.
+    pub fn with_plain_shaders(test: impl FnOnce(&Engine)) {
+        Engine::new(Layers { gpu_assisted: false, ..crate::vulkan::layers() }).run(test);
+    }
+
+    fn run(self, test: impl FnOnce(&Engine)) {
+        let engine = self;
         test(&engine);
         let messages = engine.close();
         assert!(messages.is_empty(), "{} validation messages:\n{}", messages.len(), messages.join("\n"));

@@ -1,3 +1,5 @@
+//! Tests that need a Vulkan device; each fails without one, and on any message of the layers.
+
 #[path = "../common/vulkan.rs"]
 mod vulkan;
 
