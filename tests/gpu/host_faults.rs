@@ -144,7 +144,7 @@ fn uploads_without_room_wait() {
         let instances = clouds.map(|cloud| Instance { cloud, transform: DMat4::IDENTITY });
         let (view, style) = (camera(0, Lens::Straight, DepthConvention::Reversed, 4.0 / 3.0), Style::default());
         let cmd = engine.command_buffer();
-        let mut frame = |renderer: &mut Renderer| {
+        let frame = |renderer: &mut Renderer| {
             let id = engine.completed() + 1;
             engine.begin(cmd);
             let technique = Technique::default();
