@@ -5,6 +5,7 @@ use std::fmt;
 use ash::vk;
 use glam::DMat4;
 
+use crate::draw::targets;
 use crate::error::{Error, Result};
 use crate::gpu::GpuMemory;
 use crate::gpu::layout::MAX_VIEWS;
@@ -57,12 +58,13 @@ impl Requirements {
             unsafe { instance.get_physical_device_features2(physical_device, &mut chain) };
             core = chain.features;
         }
-        let blendable = |format| {
-            let wanted = vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND | vk::FormatFeatureFlags::SAMPLED_IMAGE;
+        let supports = |format, wanted| {
             // SAFETY: as above.
             let found = unsafe { instance.get_physical_device_format_properties(physical_device, format) };
-            found.optimal_tiling_features.contains(wanted)
+            found.optimal_tiling_features.contains(wanted | vk::FormatFeatureFlags::SAMPLED_IMAGE)
         };
+        let sums = supports(targets::SUMS, vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND);
+        let depth = supports(targets::DEPTH, vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT);
         let timestamps = properties.limits.timestamp_compute_and_graphics == vk::TRUE;
         let item = |name, disables, required, present| Requirement { name, disables, required, present };
         let all = "the renderer";
@@ -73,7 +75,8 @@ impl Requirements {
             item("multiview", all, true, v11.multiview == vk::TRUE),
             item("independentBlend", all, true, core.independent_blend == vk::TRUE),
             item("maintenance4", all, true, v13.maintenance4 == vk::TRUE),
-            item("blending to R32G32B32A32_SFLOAT", all, true, blendable(vk::Format::R32G32B32A32_SFLOAT)),
+            item("blending to R32G32B32A32_SFLOAT", all, true, sums),
+            item("D32_SFLOAT_S8_UINT attachments", all, true, depth),
             item("largePoints", "point sprites: quads are drawn", false, core.large_points == vk::TRUE),
             item("timestampComputeAndGraphics", "GPU times in the statistics", false, timestamps),
         ];

@@ -334,7 +334,8 @@ impl Renderer {
             };
         }
         // Ready for `composite`, which may not place barriers inside the host's pass.
-        recorder.barrier(targets.split().1.map(|i| Use::Image(i, Access::FragmentRead)).collect());
+        let (depth, sums) = targets.split();
+        recorder.barrier(sums.chain([depth]).map(|i| Use::Image(i, Access::FragmentRead)).collect());
         if let Some(stats) = &mut slot.stats {
             stats.draw_calls += calls;
         }

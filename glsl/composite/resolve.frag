@@ -15,6 +15,8 @@ layout(constant_id = 4) const bool SOLID = false;        // opaque: coverage is 
 layout(set = 0, binding = 1) uniform sampler2DArray color_sum;
 layout(set = 0, binding = 2) uniform sampler2DArray surface;    // Σ w n, −z of the front
 
+layout(set = 0, binding = 4) uniform usampler2DArray hidden;    // not 0: the front hides something of ours
+
 layout(location = 0) out vec4 out_color;
 
 float front_depth(ivec2 at, int view) {
@@ -64,7 +66,9 @@ void main() {
     if (ENCODE_SRGB) {
         c = srgb_from_linear(c);
     }
-    float alpha = SOLID ? 1.0 : min(1.0, 2.0 * sum.a);
+    // Where the front hides another fragment, what its soft rim would let through is not the background.
+    bool solid = SOLID || texelFetch(hidden, ivec3(at, view), 0).x != 0u;
+    float alpha = solid ? 1.0 : min(1.0, 2.0 * sum.a);
     out_color = vec4(c * alpha, alpha);
     gl_FragDepth = WRITE_DEPTH
         ? (p.host_depth.x * z + p.host_depth.y) / (p.host_depth.z * z + p.host_depth.w)

@@ -21,7 +21,9 @@ struct Splat {
     uint status;
     vec3 centre;    // eye space
     vec3 normal;    // eye space, unit, towards the viewer
+    vec3 lit;       // eye space, unit: what is averaged for light
     float radius;   // [world units]
+    float epsilon;  // depth tolerance [world units]
     float depth;    // linear
     vec2 pixel;     // of the centre; far outside where that is before the near plane
     vec4 inverse;   // rows of the matrix that takes d to (a0, b0)
@@ -30,28 +32,49 @@ struct Splat {
     vec4 box;       // min and max [px] of the footprint within the picture
 };
 
-float epsilon(float radius) {
-    return max(params.tolerance_absolute, params.tolerance_relative * radius);
+// What the low-pass spreads a splat over counts as its radius: a pixel's width on its plane, tan θ times as deep as
+// wide. Without it the one fragment in front hides the rest of its own surface wherever splats are smaller than pixels.
+// Beyond 8 (83°) a pixel's depth says nothing any more.
+float tolerance(float radius, float pixel, float nv) {
+    float steep = min(sqrt(max(1.0 - nv * nv, 0.0)) / -nv, 8.0);
+    return max(params.tolerance_absolute, params.tolerance_relative * max(radius, params.low_pass * pixel * max(steep, 1.0)));
 }
 
-// Box of the part of the disk's bounding square that lies beyond the near plane.
+// Where the line t + u·across meets the unit circle, across a unit normal's direction `along`: no angles, since the
+// inverse trigonometric functions are only good for some 10⁻⁴.
+vec2 on_circle(vec2 along, float t, float side) {
+    float c = clamp(t / max(length(along), 1e-37), -1.0, 1.0);
+    vec2 d = along / max(length(along), 1e-37);
+    return c * d + side * sqrt(1.0 - c * c) * vec2(-d.y, d.x);
+}
+
+// Grows the box by the pixel of the rim's point c + e1 rim.x + e2 rim.y, if it lies beyond `least`.
+void grow(inout vec4 box, vec3 c, vec3 e1, vec3 e2, vec2 rim, float least) {
+    vec3 p = c + e1 * rim.x + e2 * rim.y;
+    float z = -p.z;
+    if (z >= least) {
+        p.z = -max(z, params.near);
+        vec4 h = vec4(p, 1.0);
+        vec2 at = vec2(dot(params.pixel_x, h), dot(params.pixel_y, h)) / dot(params.pixel_w, h);
+        box = vec4(min(box.xy, at), max(box.zw, at));
+    }
+}
+
+// Exact box of the part of the disk that lies beyond the near plane: its extremes are the ends of the chord in that plane,
+// and the rim's points where x/w or y/w is stationary. With x = x0 + xa cos φ + xb sin φ, and w likewise, those fulfil
+// (xb w0 − x0 wb) cos φ + (x0 wa − xa w0) sin φ = xa wb − xb wa.
 vec4 clipped_box(vec3 c, vec3 e1, vec3 e2) {
-    vec3 corner[4] = vec3[](c - e1 - e2, c + e1 - e2, c + e1 + e2, c - e1 + e2);
     vec4 box = vec4(1e30, 1e30, -1e30, -1e30);
-    for (int i = 0; i < 4; i++) {
-        vec3 p = corner[i];
-        vec3 q = corner[(i + 1) & 3];
-        float zp = -p.z - params.near;
-        float zq = -q.z - params.near;
-        if ((zp < 0.0) != (zq < 0.0)) {
-            vec4 cut = vec4(mix(p, q, zp / (zp - zq)), 1.0);
-            vec2 at = vec2(dot(params.pixel_x, cut), dot(params.pixel_y, cut)) / dot(params.pixel_w, cut);
-            box = vec4(min(box.xy, at), max(box.zw, at));
-        }
-        if (zp >= 0.0) {
-            vec4 whole = vec4(p, 1.0);
-            vec2 at = vec2(dot(params.pixel_x, whole), dot(params.pixel_y, whole)) / dot(params.pixel_w, whole);
-            box = vec4(min(box.xy, at), max(box.zw, at));
+    vec2 slope = -vec2(e1.z, e2.z);
+    vec3 w = vec3(dot(params.pixel_w, vec4(c, 1.0)), dot(params.pixel_w.xyz, e1), dot(params.pixel_w.xyz, e2));
+    for (float side = -1.0; side < 2.0; side += 2.0) {
+        // Rounding must not lose an end of the chord: it lies in the plane, whatever was computed.
+        grow(box, c, e1, e2, on_circle(slope, params.near + c.z, side), -1e30);
+        for (int axis = 0; axis < 2; axis++) {
+            vec4 row = axis == 0 ? params.pixel_x : params.pixel_y;
+            vec3 x = vec3(dot(row, vec4(c, 1.0)), dot(row.xyz, e1), dot(row.xyz, e2));
+            vec2 along = vec2(x.z * w.x - x.x * w.z, x.x * w.y - x.y * w.x);
+            grow(box, c, e1, e2, on_circle(along, x.y * w.z - x.z * w.y, side), params.near);
         }
     }
     return box;
@@ -64,9 +87,11 @@ Splat project(vec4 geometry, uint normal_code) {
     s.centre = (params.eye_from_cloud * vec4(geometry.xyz, 1.0)).xyz;
     s.depth = -s.centre.z;
     s.normal = vec3(0.0, 0.0, 1.0);
+    s.lit = s.normal;
     s.pixel = vec2(-1e15);
     s.inverse = vec4(0.0);
     s.slope = vec2(0.0);
+    s.epsilon = 0.0;
     s.perspective = 0.0;
     s.box = vec4(0.0);
     // Also false for NaN; infinities fail the upper bounds.
@@ -77,9 +102,14 @@ Splat project(vec4 geometry, uint normal_code) {
     bool perspective = is_perspective();
     vec3 v = normalize(perspective ? s.centre - params.eye.xyz : -params.eye.xyz);
     s.normal = -v;
+    s.lit = -v;
     if (HAS_NORMAL && normal_code != NO_NORMAL) {
         s.normal = normalize(mat3(params.eye_from_cloud) * octahedral(normal_code));
-        if (dot(s.normal, v) > 0.0) {
+        float away = dot(s.normal, v);
+        // Just behind a silhouette a normal keeps its side: turned, it would cancel its neighbours' sideways part and
+        // light the rim. What clearly faces away (15° and more) is seen from behind.
+        s.lit = away > 0.25 ? -s.normal : s.normal;
+        if (away > 0.0) {
             if (CULL_BACK) {
                 s.status = BACK_FACE;
                 return s;
@@ -112,13 +142,17 @@ Splat project(vec4 geometry, uint normal_code) {
         vec3 m = cross(v, t1);
         float nv = min(dot(s.normal, v), -1e-6);
         s.slope = -s.radius * vec2(t1.z, t2.z);
+        s.epsilon = tolerance(s.radius, 0.0, nv);
         float reach = length(s.slope);
         if (s.depth + reach < params.near) {
             return s;
         }
-        // A footprint that comes close to the eye is cast in eye space: there the affine frame is stretched without bound.
-        bool near_eye = s.depth - reach < max(params.near, perspective ? 0.1 * s.depth : params.near);
-        if (near_eye) {
+        // A footprint that comes close to the eye is cast in eye space, where 1 − (a0, b0) · h would cancel; the affine form
+        // has no such term.
+        bool near_eye = s.depth - reach < max(params.near, perspective && !APPROXIMATE ? 0.1 * s.depth : params.near);
+        // Only a disk that reaches the near plane has no bounded image: the part beyond that plane has.
+        bool clipped = s.depth - reach < max(params.near, perspective && !APPROXIMATE ? 1e-3 * s.depth : params.near);
+        if (clipped) {
             s.box = clipped_box(s.centre, s.radius * t1, s.radius * t2);
         }
         if (centre_visible) {
@@ -126,6 +160,7 @@ Splat project(vec4 geometry, uint normal_code) {
             vec2 jm = vec2(dot(params.pixel_x.xyz, m), dot(params.pixel_y.xyz, m)) - s.pixel * dot(params.pixel_w.xyz, m);
             float area = j1.x * jm.y - j1.y * jm.x;
             float f = w / (s.radius * area);
+            s.epsilon = tolerance(s.radius, w * inversesqrt(abs(area)), nv);
             s.inverse = f * vec4(jm.y, -jm.x, -j1.y / nv, j1.x / nv);
             s.perspective = perspective ? 1.0 / w : 0.0;
             // Extent of the image about its centre: the roots of the dual conic, with axes A = r J(t1), B = r (n·v) J(m).
@@ -142,7 +177,7 @@ Splat project(vec4 geometry, uint normal_code) {
                 image = vec4(-skew - root, root - skew) / k;
             }
             vec2 rho = vec2(params.low_pass);
-            if (!near_eye) {
+            if (!clipped) {
                 s.box = vec4(s.pixel + min(image.xy, -rho), s.pixel + max(image.zw, rho));
             } else {
                 s.box = vec4(min(s.box.xy, s.pixel - rho), max(s.box.zw, s.pixel + rho));

@@ -9,7 +9,7 @@ use crate::draw::targets::DEPTH;
 use crate::error::{Named, Result};
 use crate::gpu::Context;
 use crate::gpu::layout::SeedPush;
-use crate::gpu::program::{BlendMode, ColorTarget, GraphicsInfo, Program};
+use crate::gpu::program::{BlendMode, ColorTarget, DepthMode, GraphicsInfo, Program};
 use crate::gpu::spirv::generated as spirv;
 use crate::host::{PassKind, TargetFormats};
 use crate::select::DepthConvention;
@@ -105,7 +105,12 @@ impl Composite {
                 streams: &[],
                 topology: vk::PrimitiveTopology::TRIANGLE_LIST,
                 colors: &[],
-                depth: Some((DEPTH, vk::CompareOp::ALWAYS, true)),
+                depth: Some(DepthMode {
+                    format: DEPTH,
+                    compare: vk::CompareOp::ALWAYS,
+                    write: true,
+                    mark_hidden: false,
+                }),
                 samples: vk::SampleCountFlags::TYPE_1,
                 view_mask: 0,
                 render_pass: None,
@@ -140,7 +145,7 @@ impl Composite {
                 streams: &[],
                 topology: vk::PrimitiveTopology::TRIANGLE_LIST,
                 colors: &[ColorTarget { format: formats.color, blend: BlendMode::Over }],
-                depth: formats.depth.map(|format| (format, compare, true)),
+                depth: formats.depth.map(|format| DepthMode { format, compare, write: true, mark_hidden: false }),
                 samples: formats.samples,
                 view_mask: match formats.pass {
                     PassKind::Dynamic => formats.view_mask,

@@ -21,29 +21,24 @@ pub fn draw(
 ) -> u32 {
     let mut calls = 0;
     let extent = targets.plan.extent;
-    let depth = targets.depth.layers[layer];
     let first = layer == 0;
     // The seed's pipeline has no colour attachments, hence a pass of its own.
-    let mut clear = Some(0.0);
+    let seeded = seed.is_some();
     if let Some(seed) = seed {
+        let depth = Some(targets.depth_attachment(layer, true));
         recorder.draw(
             "seed depth",
             vec![Use::layer(&mut targets.depth, Access::DepthWrite, first)],
-            &PassTargets { colors: &[], depth: Some((depth, Access::DepthWrite, clear)), extent },
+            &PassTargets { colors: &[], depth, extent },
             |_, cmd| calls += seed(cmd),
         );
-        clear = None;
     }
-    let colors = targets.sum_attachments(layer);
-    let seeded = clear.is_none();
+    let (colors, depth) = (targets.sum_attachments(layer), Some(targets.depth_attachment(layer, !seeded)));
     let (depth_image, sums) = targets.split();
     let mut uses = vec![Use::layer(depth_image, Access::DepthWrite, first && !seeded)];
     uses.extend(sums.map(|i| Use::layer(i, Access::ColorWrite, first)));
-    recorder.draw(
-        "opaque",
-        uses,
-        &PassTargets { colors: &colors, depth: Some((depth, Access::DepthWrite, clear)), extent },
-        |context, cmd| calls += bindings.draw(context, cmd, Role::Opaque, draws),
-    );
+    recorder.draw("opaque", uses, &PassTargets { colors: &colors, depth, extent }, |context, cmd| {
+        calls += bindings.draw(context, cmd, Role::Opaque, draws)
+    });
     calls
 }

@@ -33,6 +33,7 @@ pub struct Camera {
 impl Camera {
     /// A view of `extent` pixels.
     pub fn new(view: &View, extent: vk::Extent2D) -> Camera {
+        let view = &view.right_handed();
         let p = &view.projection;
         let (r0, r1, r2, r3) = (p.row(0), p.row(1), p.row(2), p.row(3));
         let perspective = view.is_perspective();

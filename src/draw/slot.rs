@@ -61,7 +61,7 @@ impl Slot {
                 count(vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, 1),
                 count(vk::DescriptorType::UNIFORM_BUFFER, 1),
                 count(vk::DescriptorType::STORAGE_BUFFER, 1),
-                count(vk::DescriptorType::COMBINED_IMAGE_SAMPLER, 3),
+                count(vk::DescriptorType::COMBINED_IMAGE_SAMPLER, 4),
             ];
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(3).pool_sizes(&sizes);
             // SAFETY: the device lives.
@@ -140,6 +140,7 @@ impl Slot {
             image(color, sampled),
             image(targets.surface.as_ref().map_or(color, |i| i.array), sampled),
             host_depth.map_or(image(color, sampled), |d| image(d.view, d.layout)),
+            image(targets.depth.array, sampled),
         ];
         let to =
             |set, binding, ty| vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding).descriptor_type(ty);

@@ -6,12 +6,13 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::gpu::Context;
-use crate::gpu::pass::Attachment;
+use crate::gpu::pass::{Attachment, DepthAttachment};
 use crate::gpu::resource::Image;
 use crate::gpu::retire::{RetireQueue, Retired};
 
-/// Depth of the splat passes: reversed, so floats are dense where the far things are.
-pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
+/// Depth of the splat passes: reversed, so floats are dense where the far things are. The stencil marks pixels where the
+/// front hides something.
+pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT_S8_UINT;
 /// Format of the sums. Thousands of splats may meet in a pixel, and half floats stop counting at 2048.
 pub const SUMS: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 /// Nothing is farther away: the front's −z starts below every real one.
@@ -31,7 +32,7 @@ pub struct TargetPlan {
 impl TargetPlan {
     /// Bytes a pixel and view.
     pub fn bytes_per_pixel(&self) -> u64 {
-        4 + 16 + if self.surface { 16 } else { 0 }
+        8 + 16 + if self.surface { 16 } else { 0 }
     }
 }
 
@@ -65,7 +66,12 @@ impl Targets {
             Ok(())
         };
         let all = (|| -> Result<()> {
-            make(context, "depth", DEPTH, vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT)?;
+            make(
+                context,
+                "depth",
+                DEPTH,
+                vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT | vk::ImageUsageFlags::SAMPLED,
+            )?;
             make(context, "color_sum", SUMS, usage)?;
             if plan.surface {
                 make(context, "surface_sum", SUMS, usage)?;
@@ -84,6 +90,11 @@ impl Targets {
     /// Depth, and the images that splats are summed into.
     pub fn split(&mut self) -> (&mut Image, impl Iterator<Item = &mut Image>) {
         (&mut self.depth, iter::once(&mut self.color).chain(self.surface.as_mut()))
+    }
+
+    /// The depth attachment of a layer, cleared to nothing or kept.
+    pub fn depth_attachment(&self, layer: usize, clear: bool) -> DepthAttachment {
+        DepthAttachment { view: self.depth.layers[layer], format: DEPTH, clear: clear.then_some(0.0) }
     }
 
     /// The attachments of a layer of the sums by location, cleared.

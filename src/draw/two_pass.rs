@@ -22,26 +22,23 @@ pub fn draw(
 ) -> u32 {
     let mut calls = 0;
     let extent = targets.plan.extent;
-    let depth = targets.depth.layers[layer];
     let first = layer == 0;
+    let depth = Some(targets.depth_attachment(layer, true));
     recorder.draw(
         "visibility",
         vec![Use::layer(&mut targets.depth, Access::DepthWrite, first)],
-        &PassTargets { colors: &[], depth: Some((depth, Access::DepthWrite, Some(0.0))), extent },
+        &PassTargets { colors: &[], depth, extent },
         |context, cmd| {
             calls += seed(cmd);
             calls += bindings.draw(context, cmd, Role::Visibility, draws);
         },
     );
-    let colors = targets.sum_attachments(layer);
+    let (colors, depth) = (targets.sum_attachments(layer), Some(targets.depth_attachment(layer, false)));
     let (depth_image, sums) = targets.split();
-    let mut uses = vec![Use::Image(depth_image, Access::DepthTest)];
+    let mut uses = vec![Use::Image(depth_image, Access::DepthWrite)];
     uses.extend(sums.map(|i| Use::layer(i, Access::ColorWrite, first)));
-    recorder.draw(
-        "accumulate",
-        uses,
-        &PassTargets { colors: &colors, depth: Some((depth, Access::DepthTest, None)), extent },
-        |context, cmd| calls += bindings.draw(context, cmd, Role::Accumulate, draws),
-    );
+    recorder.draw("accumulate", uses, &PassTargets { colors: &colors, depth, extent }, |context, cmd| {
+        calls += bindings.draw(context, cmd, Role::Accumulate, draws)
+    });
     calls
 }

@@ -6,7 +6,7 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::gpu::Context;
-use crate::gpu::program::{BlendMode, ColorTarget, GraphicsInfo, Program, Stream};
+use crate::gpu::program::{BlendMode, ColorTarget, DepthMode, GraphicsInfo, Program, Stream};
 use crate::gpu::spirv::{Shader, generated as spirv};
 use crate::style::{Ellipse, Style};
 
@@ -95,7 +95,8 @@ impl Variant {
             self.approximate as u32,
             self.cull as u32,
             self.normals as u32,
-            self.colors as u32,
+            // Depth alone needs no colour: its decoding would be a third of the vertex stage's arithmetic.
+            (self.colors && self.role != Role::Visibility) as u32,
             self.large as u32,
         ];
         let attachments = if self.surface { 2 } else { 1 };
@@ -105,11 +106,9 @@ impl Variant {
         let greater = vk::CompareOp::GREATER_OR_EQUAL;
         let (name, fragment, colors, depth): (_, _, &[ColorTarget], _) = match self.role {
             Role::Count => return program.compute(context, "count", &spirv::SELECT_COUNT_COMP, &constants),
-            Role::Visibility => {
-                ("visibility", &spirv::DRAW_VISIBILITY_FRAG, &[], (DEPTH, vk::CompareOp::GREATER, true))
-            }
-            Role::Accumulate => ("accumulate", accumulate, &sums[..attachments], (DEPTH, greater, false)),
-            Role::Opaque => ("opaque", accumulate, &nearest[..attachments], (DEPTH, vk::CompareOp::GREATER, true)),
+            Role::Visibility => ("visibility", &spirv::DRAW_VISIBILITY_FRAG, &[], (vk::CompareOp::GREATER, true)),
+            Role::Accumulate => ("accumulate", accumulate, &sums[..attachments], (greater, false)),
+            Role::Opaque => ("opaque", accumulate, &nearest[..attachments], (vk::CompareOp::GREATER, true)),
         };
         program.graphics(
             context,
@@ -125,7 +124,12 @@ impl Variant {
                     vk::PrimitiveTopology::POINT_LIST
                 },
                 colors,
-                depth: Some(depth),
+                depth: Some(DepthMode {
+                    format: DEPTH,
+                    compare: depth.0,
+                    write: depth.1,
+                    mark_hidden: self.role == Role::Accumulate,
+                }),
                 samples: vk::SampleCountFlags::TYPE_1,
                 view_mask: 0,
                 render_pass: None,

@@ -15,10 +15,8 @@ pub enum Access {
     CopyWrite,
     /// Colour attachment, blended or not.
     ColorWrite,
-    /// Depth attachment, tested and written.
+    /// Depth and stencil attachment, tested or written.
     DepthWrite,
-    /// Depth attachment, tested only.
-    DepthTest,
     /// Sampled in a fragment shader.
     FragmentRead,
     /// Vertex attributes, indices, and storage read by vertex shaders.
@@ -42,7 +40,6 @@ impl Access {
                 S::EARLY_FRAGMENT_TESTS | S::LATE_FRAGMENT_TESTS,
                 A::DEPTH_STENCIL_ATTACHMENT_WRITE | A::DEPTH_STENCIL_ATTACHMENT_READ,
             ),
-            Access::DepthTest => (S::EARLY_FRAGMENT_TESTS | S::LATE_FRAGMENT_TESTS, A::DEPTH_STENCIL_ATTACHMENT_READ),
             Access::FragmentRead => (S::FRAGMENT_SHADER, A::SHADER_SAMPLED_READ),
             Access::VertexRead => (
                 S::VERTEX_ATTRIBUTE_INPUT | S::INDEX_INPUT | S::VERTEX_SHADER | S::COMPUTE_SHADER,
@@ -60,8 +57,7 @@ impl Access {
             Access::CopyRead => vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
             Access::CopyWrite => vk::ImageLayout::TRANSFER_DST_OPTIMAL,
             Access::ColorWrite => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
-            Access::DepthWrite => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
-            Access::DepthTest => vk::ImageLayout::DEPTH_READ_ONLY_OPTIMAL,
+            Access::DepthWrite => vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL,
             Access::FragmentRead => vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
             Access::VertexRead | Access::ComputeWrite | Access::HostRead => vk::ImageLayout::GENERAL,
         }
@@ -71,12 +67,9 @@ impl Access {
     pub fn writes(self) -> bool {
         match self {
             Access::CopyWrite | Access::ColorWrite | Access::DepthWrite | Access::ComputeWrite => true,
-            Access::Undefined
-            | Access::CopyRead
-            | Access::DepthTest
-            | Access::FragmentRead
-            | Access::VertexRead
-            | Access::HostRead => false,
+            Access::Undefined | Access::CopyRead | Access::FragmentRead | Access::VertexRead | Access::HostRead => {
+                false
+            }
         }
     }
 }

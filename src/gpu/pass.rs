@@ -5,7 +5,7 @@ use ash::vk;
 use super::barrier::{self, Access};
 use super::context::Context;
 use super::query::Timestamps;
-use super::resource::Image;
+use super::resource::{Image, aspect};
 
 /// Records passes into the host's command buffer, outside its own passes.
 pub struct Recorder<'a> {
@@ -41,12 +41,22 @@ pub struct Attachment {
     pub clear: Option<[f32; 4]>,
 }
 
+/// The depth attachment of a pass.
+pub struct DepthAttachment {
+    /// View of one layer.
+    pub view: vk::ImageView,
+    /// Its format.
+    pub format: vk::Format,
+    /// Cleared to this, and the stencil to 0, or both kept.
+    pub clear: Option<f32>,
+}
+
 /// Where a pass draws.
 pub struct Targets<'a> {
     /// By location.
     pub colors: &'a [Attachment],
-    /// Depth view, its access, and the value that it is cleared to, if it is.
-    pub depth: Option<(vk::ImageView, Access, Option<f32>)>,
+    /// Depth, and stencil if the format has it.
+    pub depth: Option<DepthAttachment>,
     /// [px]
     pub extent: vk::Extent2D,
 }
@@ -85,18 +95,21 @@ impl<'a> Recorder<'a> {
                 }
             })
             .collect();
-        let depth = targets.depth.map(|(view, access, clear)| {
-            let info = vk::RenderingAttachmentInfo::default().image_view(view);
-            match clear {
-                Some(depth) => attachment(info, access, vk::AttachmentLoadOp::CLEAR)
+        let depth = targets.depth.as_ref().map(|d| {
+            let info = vk::RenderingAttachmentInfo::default().image_view(d.view);
+            match d.clear {
+                Some(depth) => attachment(info, Access::DepthWrite, vk::AttachmentLoadOp::CLEAR)
                     .clear_value(vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth, stencil: 0 } }),
-                None => attachment(info, access, vk::AttachmentLoadOp::LOAD),
+                None => attachment(info, Access::DepthWrite, vk::AttachmentLoadOp::LOAD),
             }
         });
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: targets.extent };
         let mut info = vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
-        if let Some(depth) = &depth {
+        if let (Some(depth), Some(target)) = (&depth, &targets.depth) {
             info = info.depth_attachment(depth);
+            if aspect(target.format).contains(vk::ImageAspectFlags::STENCIL) {
+                info = info.stencil_attachment(depth);
+            }
         }
         let viewport = vk::Viewport {
             x: 0.0,
@@ -159,6 +172,5 @@ fn attachment(
     access: Access,
     load: vk::AttachmentLoadOp,
 ) -> vk::RenderingAttachmentInfo<'_> {
-    let store = if access == Access::DepthTest { vk::AttachmentStoreOp::NONE } else { vk::AttachmentStoreOp::STORE };
-    info.image_layout(access.layout()).load_op(load).store_op(store)
+    info.image_layout(access.layout()).load_op(load).store_op(vk::AttachmentStoreOp::STORE)
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use ash::vk;
 
 use super::context::Context;
+use super::resource::aspect;
 use super::spirv::{Kind, Shader, Stage};
 use crate::error::{Named, Result};
 
@@ -123,9 +124,19 @@ impl Program {
             .line_width(1.0);
         let multisample = vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(info.samples);
         let mut depth = vk::PipelineDepthStencilStateCreateInfo::default();
-        if let Some((_, compare, write)) = info.depth {
-            depth = depth.depth_test_enable(true).depth_compare_op(compare).depth_write_enable(write);
+        if let Some(mode) = &info.depth {
+            depth = depth.depth_test_enable(true).depth_compare_op(mode.compare).depth_write_enable(mode.write);
+            if mode.mark_hidden {
+                let mark = vk::StencilOpState::default()
+                    .compare_op(vk::CompareOp::ALWAYS)
+                    .depth_fail_op(vk::StencilOp::REPLACE)
+                    .write_mask(1)
+                    .reference(1);
+                depth = depth.stencil_test_enable(true).front(mark).back(mark);
+            }
         }
+        let depth_format = info.depth.as_ref().map_or(vk::Format::UNDEFINED, |mode| mode.format);
+        let stencil = aspect(depth_format).contains(vk::ImageAspectFlags::STENCIL);
         let formats: Vec<_> = info.colors.iter().map(|c| c.format).collect();
         let blends: Vec<_> = info.colors.iter().map(|c| c.blend.state()).collect();
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
@@ -134,7 +145,8 @@ impl Program {
         let mut rendering = vk::PipelineRenderingCreateInfo::default()
             .view_mask(info.view_mask)
             .color_attachment_formats(&formats)
-            .depth_attachment_format(info.depth.map_or(vk::Format::UNDEFINED, |(format, ..)| format));
+            .depth_attachment_format(depth_format)
+            .stencil_attachment_format(if stencil { depth_format } else { vk::Format::UNDEFINED });
         let mut create = vk::GraphicsPipelineCreateInfo::default()
             .stages(&stages)
             .vertex_input_state(&input)
@@ -220,14 +232,27 @@ pub struct GraphicsInfo<'a> {
     pub topology: vk::PrimitiveTopology,
     /// By location.
     pub colors: &'a [ColorTarget],
-    /// Format, comparison, and whether depth is written.
-    pub depth: Option<(vk::Format, vk::CompareOp, bool)>,
+    /// Depth test, if there is a depth attachment.
+    pub depth: Option<DepthMode>,
     /// Samples a pixel.
     pub samples: vk::SampleCountFlags,
     /// Views drawn at once, as bits; 0 without multiview.
     pub view_mask: u32,
     /// Render pass and subpass; `None` for dynamic rendering.
     pub render_pass: Option<(vk::RenderPass, u32)>,
+}
+
+/// What a pipeline does with depth.
+#[derive(Debug, Clone, Copy)]
+pub struct DepthMode {
+    /// Of the attachment.
+    pub format: vk::Format,
+    /// Comparison.
+    pub compare: vk::CompareOp,
+    /// Whether depth is written.
+    pub write: bool,
+    /// Whether the stencil is set to 1 where a fragment fails.
+    pub mark_hidden: bool,
 }
 
 /// One vertex stream with one attribute.

@@ -81,7 +81,7 @@ impl Buffer {
 pub struct Image {
     /// The handle.
     pub handle: vk::Image,
-    /// View of all layers, as an array.
+    /// View of all layers, as an array: of the stencil where there is one, since that is what is sampled.
     pub array: vk::ImageView,
     /// Views of single layers, to draw to.
     pub layers: Vec<vk::ImageView>,
@@ -149,8 +149,10 @@ impl Image {
         // SAFETY: memory of a fitting type, big enough and aligned, as the allocator promises; bound once.
         unsafe { context.device.bind_image_memory(self.handle, self.memory.memory, self.memory.offset) }
             .named("vkBindImageMemory")?;
-        let aspect = aspect(self.format);
-        let view = |kind, first, count| {
+        let attached = aspect(self.format);
+        let stencil = attached & vk::ImageAspectFlags::STENCIL;
+        let sampled = if stencil.is_empty() { attached } else { stencil };
+        let view = |kind, aspect, first, count| {
             let info = vk::ImageViewCreateInfo::default()
                 .image(self.handle)
                 .view_type(kind)
@@ -165,10 +167,10 @@ impl Image {
             // SAFETY: image and device live, and the range lies within the image.
             unsafe { context.device.create_image_view(&info, None) }.named("vkCreateImageView")
         };
-        self.array = view(vk::ImageViewType::TYPE_2D_ARRAY, 0, layers)?;
+        self.array = view(vk::ImageViewType::TYPE_2D_ARRAY, sampled, 0, layers)?;
         context.name(self.array, &format!("{name}.array"));
         for layer in 0..layers {
-            let one = view(vk::ImageViewType::TYPE_2D, layer, 1)?;
+            let one = view(vk::ImageViewType::TYPE_2D, attached, layer, 1)?;
             context.name(one, &format!("{name}.layer{layer}"));
             self.layers.push(one);
         }
@@ -190,14 +192,13 @@ impl Image {
     }
 }
 
-/// The aspect that a format's attachments have. Stencil is never used.
+/// The aspects that a format's attachments have.
 pub fn aspect(format: vk::Format) -> vk::ImageAspectFlags {
     match format {
-        vk::Format::D32_SFLOAT
-        | vk::Format::D16_UNORM
-        | vk::Format::X8_D24_UNORM_PACK32
-        | vk::Format::D24_UNORM_S8_UINT
-        | vk::Format::D32_SFLOAT_S8_UINT => vk::ImageAspectFlags::DEPTH,
+        vk::Format::D32_SFLOAT | vk::Format::D16_UNORM | vk::Format::X8_D24_UNORM_PACK32 => vk::ImageAspectFlags::DEPTH,
+        vk::Format::D24_UNORM_S8_UINT | vk::Format::D32_SFLOAT_S8_UINT => {
+            vk::ImageAspectFlags::DEPTH | vk::ImageAspectFlags::STENCIL
+        }
         _ => vk::ImageAspectFlags::COLOR,
     }
 }

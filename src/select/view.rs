@@ -33,7 +33,8 @@ impl DepthConvention {
 /// One viewpoint.
 ///
 /// `projection` may be asymmetric, jittered, mirrored, infinite or orthographic. Its third row must depend on z and w
-/// alone (no oblique near plane), its fourth must be (0, 0, −k, 0), k > 0, for perspective or (0, 0, 0, 1) for orthographic views.
+/// alone (no oblique near plane), its fourth must be (0, 0, −k, 0), k > 0, for perspective or (0, 0, 0, 1) for orthographic
+/// views. Engines whose viewer looks along +Z, with (0, 0, k, 0), are drawn too; see [`View::right_handed`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// World to eye: a rotation and a translation.
@@ -77,6 +78,16 @@ impl View {
             dvec4(0.0, 0.0, d, 0.0),
             dvec4(0.0, 0.0, far * d, 1.0),
         )
+    }
+
+    /// The same picture with the viewer looking along −Z: mirrors the eye space of views that look along +Z. What follows
+    /// from the matrices below (depths, planes, the centre of projection) is meant for that form.
+    pub fn right_handed(&self) -> View {
+        if self.projection.row(3).z <= 0.0 {
+            return *self;
+        }
+        let mirror = DMat4::from_scale(dvec3(1.0, 1.0, -1.0));
+        View { view: mirror * self.view, projection: self.projection * mirror, depth: self.depth }
     }
 
     /// Whether rays diverge from an eye point.

@@ -1,5 +1,6 @@
 //! Our own instance, device and queue: for the command line, tests and benchmarks. Embedders bring theirs.
 
+pub mod bare;
 pub mod canary;
 mod device;
 mod offscreen;

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::gpu::Context;
 use crate::gpu::barrier::Access;
 use crate::gpu::download::Download;
-use crate::gpu::pass::{Attachment, Recorder, Targets, Use};
+use crate::gpu::pass::{Attachment, DepthAttachment, Recorder, Targets, Use};
 use crate::gpu::resource::Image;
 use crate::host::{FrameInput, Instance, PassKind, TargetFormats};
 use crate::readback::Picture;
@@ -163,7 +163,8 @@ impl Offscreen {
             let mut recorder = Recorder::new(context, cmd, None);
             let target = [Attachment { view: color.layers[0], clear: Some([0.0; 4]) }];
             let far = shot.view.depth.far() as f32;
-            let depth_target = depth.as_ref().map(|d| (d.layers[0], Access::DepthWrite, Some(far)));
+            let depth_target =
+                depth.as_ref().map(|d| DepthAttachment { view: d.layers[0], format: DEPTH, clear: Some(far) });
             let mut uses = vec![Use::Discard(color, Access::ColorWrite)];
             uses.extend(depth.as_mut().map(|d| Use::Discard(d, Access::DepthWrite)));
             let targets = Targets { colors: &target, depth: depth_target, extent };

@@ -1,1 +1,22 @@
+//! Tests that need no Vulkan.
 
+mod cli;
+#[path = "../common/mod.rs"]
+mod common;
+
+mod attributes_degenerate;
+mod attributes_mesh;
+mod attributes_neighbours;
+mod attributes_normals;
+mod attributes_radii;
+mod attributes_shapes;
+mod load_bad;
+mod load_files;
+mod load_las;
+mod load_merge;
+mod load_ply;
+mod load_synthetic;
+mod reference_common;
+mod reference_fragments;
+mod reference_light;
+mod reference_oracle;

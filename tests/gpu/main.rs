@@ -1,9 +1,10 @@
-//! Tests that need a Vulkan device; each fails without one, and on any message of the layers.
+//! Tests with Vulkan.
 
-#[path = "../common/vulkan.rs"]
-mod vulkan;
-
+mod against_reference;
 mod canary;
+mod cli;
+#[path = "../common/mod.rs"]
+mod common;
 mod harness;
 mod host_contract;
 mod host_engine;
@@ -14,3 +15,5 @@ mod host_table;
 mod host_target;
 mod host_targets;
 mod selftest;
+#[path = "../common/vulkan.rs"]
+mod vulkan;

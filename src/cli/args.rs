@@ -1,0 +1,214 @@
+//! What may be asked, by which names. Scripts rely on them.
+
+use std::path::PathBuf;
+
+use clap::builder::{OsStringValueParser, PossibleValuesParser, TypedValueParser};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use glam::DVec3;
+
+use super::parse::{self, Input, Orbit, Radius};
+use surfel::standalone::Layers;
+use surfel::technique::{Blend, Primitive, Structure};
+
+/// Renders point scans (LiDAR, photogrammetry, dense meshes) as elliptical Gaussian splats with Vulkan.
+#[derive(Debug, Parser)]
+#[command(name = "surfel", version, propagate_version = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Renders scans into a picture.
+    Render(Box<RenderArgs>),
+    /// Says what is in a scan.
+    Info(InfoArgs),
+    /// Measures how two pictures differ.
+    Compare(CompareArgs),
+    /// Lists the Vulkan devices of this machine.
+    Devices,
+    /// Tries every technique and planted faults with the validation layers on.
+    Selftest(SelftestArgs),
+}
+
+/// Light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Shade {
+    /// The colours as they are.
+    None,
+    /// A lamp at the eye.
+    Headlight,
+    /// A lamp over the left shoulder, with highlights.
+    Phong,
+    /// Eye-dome lighting: what lies behind its neighbours is darker. Needs no normals.
+    Edl,
+}
+
+/// What the points' colours show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ColorBy {
+    /// The scan's colours.
+    Rgb,
+    /// The returns' strength, in grey.
+    Intensity,
+    /// LAS classes.
+    Class,
+    /// Height along `--up`.
+    Height,
+    /// The direction of the normal.
+    Normal,
+}
+
+/// What is done with splats that face away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Cull {
+    /// Dropped where the surface is known to be closed.
+    Auto,
+    /// Always dropped.
+    On,
+    /// Never dropped.
+    Off,
+}
+
+/// How a disk's outline is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum EllipseKind {
+    /// Its perspective image.
+    Exact,
+    /// The linear approximation of Coconu and Hege 2002.
+    Approximate,
+}
+
+fn inputs() -> impl TypedValueParser<Value = Input> {
+    OsStringValueParser::new().try_map(parse::input)
+}
+
+/// Choices of an axis of the technique, by the library's own names.
+fn axis<T: Copy + Send + Sync + 'static>(all: &'static [(&'static str, T)]) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(all.iter().map(|(name, _)| *name))
+        .try_map(move |name| all.iter().find(|(n, _)| *n == name).map(|(_, v)| *v).ok_or("unknown"))
+}
+
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`.
+    #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
+    pub inputs: Vec<Input>,
+    /// The picture to write.
+    #[arg(short, long, value_name = "OUT.png")]
+    pub output: PathBuf,
+    /// Size of the picture in pixels.
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse::size)]
+    pub size: [u32; 2],
+    /// How the points are arranged.
+    #[arg(long, value_name = "NAME", default_value = "flat", value_parser = axis(Structure::ALL))]
+    pub structure: Structure,
+    /// How splats of one pixel become one colour [default: two-pass, or opaque with `--radius px:N`].
+    #[arg(long, value_name = "NAME", value_parser = axis(Blend::ALL))]
+    pub blend: Option<Blend>,
+    /// Level of detail in pixels. The flat structure has none: nothing is left out.
+    #[arg(long, value_name = "PX", allow_negative_numbers = true, value_parser = parse::not_negative)]
+    pub threshold: Option<f64>,
+    /// Azimuth and elevation in degrees, distance in radii of the bounding sphere. Azimuth 0 looks along −Z where y is
+    /// up, along +Y where z is up.
+    #[arg(long, value_name = "AZ,EL,DIST", allow_hyphen_values = true, conflicts_with_all = ["eye", "target"], value_parser = parse::orbit)]
+    pub orbit: Option<Orbit>,
+    /// Where the viewer stands, in the input's coordinates.
+    #[arg(long, value_name = "x,y,z", allow_hyphen_values = true, requires = "target", value_parser = parse::vector)]
+    pub eye: Option<DVec3>,
+    /// What the viewer looks at.
+    #[arg(long, value_name = "x,y,z", allow_hyphen_values = true, requires = "eye", value_parser = parse::vector)]
+    pub target: Option<DVec3>,
+    /// Which way is up [default: as the file says, else y for PLY].
+    #[arg(long, value_name = "x|y|z|x,y,z", allow_hyphen_values = true, value_parser = parse::up)]
+    pub up: Option<DVec3>,
+    /// Vertical angle of view in degrees [default: 45, or 70 for the default view from inside].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = parse::fov)]
+    pub fov: Option<f64>,
+    /// Colour behind the points; its alpha stays in the picture.
+    #[arg(long, value_name = "RRGGBB[AA]", default_value = "1d1f23", value_parser = parse::color)]
+    pub background: [u8; 4],
+    /// Light [default: headlight where the scan has normals or faces, else edl].
+    #[arg(long, value_enum)]
+    pub shade: Option<Shade>,
+    /// What colours show [default: rgb, intensity or height, whichever the scan has first].
+    #[arg(long, value_enum)]
+    pub color: Option<ColorBy>,
+    /// Radius of splats: automatic, a length in the input's unit, a factor on the automatic one, or `px:N` for opaque
+    /// points of N pixels.
+    #[arg(long, value_name = "auto|VALUE|scale:S|px:N", default_value = "auto", allow_negative_numbers = true, value_parser = parse::radius)]
+    pub radius: Radius,
+    /// What is rasterised for a splat.
+    #[arg(long, value_name = "point|quad", default_value = "point", value_parser = axis(Primitive::ALL))]
+    pub primitive: Primitive,
+    /// How a splat's outline is computed.
+    #[arg(long, value_enum, default_value = "exact")]
+    pub ellipse: EllipseKind,
+    /// How far behind the front still is the same surface, in radii of the splat.
+    #[arg(long, value_name = "REL", default_value = "1", allow_negative_numbers = true, value_parser = parse::not_negative)]
+    pub tolerance: f64,
+    /// Splats that face away.
+    #[arg(long, value_enum, default_value = "auto")]
+    pub cull: Cull,
+    /// Adds eye-dome lighting of this strength to any light [1 with `--shade edl`].
+    #[arg(long, value_name = "STRENGTH", allow_negative_numbers = true, value_parser = parse::not_negative)]
+    pub edl: Option<f64>,
+    /// Frames to time. One more, before them, counts points and builds what is built once.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub frames: u32,
+    /// Frames to draw untimed before.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=100_000))]
+    pub warmup: u32,
+    /// Writes what the frames did and took.
+    #[arg(long, value_name = "FILE.json")]
+    pub stats: Option<PathBuf>,
+    /// Part of the name of the device to use [default: the fastest kind].
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
+    /// Runs with Vulkan's validation layers; exit code 3 if they say anything.
+    #[arg(long)]
+    pub validate: bool,
+    /// No progress on stderr and no table on stdout, only the picture's path.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// A file, or `scene:NAME[:POINTS[:SEED]]`.
+    #[arg(value_name = "INPUT", value_parser = inputs())]
+    pub input: Input,
+    /// For programs.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// A picture.
+    #[arg(value_name = "A.png")]
+    pub a: PathBuf,
+    /// Another of the same size.
+    #[arg(value_name = "B.png")]
+    pub b: PathBuf,
+    /// For programs.
+    #[arg(long)]
+    pub json: bool,
+    /// Counts the pixels in which a channel differs by more than this, of 255.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub tolerance: u8,
+}
+
+#[derive(Debug, Args)]
+pub struct SelftestArgs {
+    /// Checks of the validation layers: core, sync, gpu-av.
+    #[arg(long, value_name = "LIST", default_value = "core,sync", value_parser = Layers::parse)]
+    pub layers: Layers,
+    /// Writes a report that CI systems read.
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// Part of the name of the device to use [default: the fastest kind].
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
+}

@@ -1,0 +1,109 @@
+//! `surfel info`: what is in a scan, as it was read, with nothing estimated.
+
+use std::fmt::Write as _;
+
+use anyhow::Result;
+use glam::DVec3;
+use serde_json::{Value, json};
+
+use surfel::load::{Bounds, PointCloud};
+
+use super::args::InfoArgs;
+use super::parse::Input;
+use super::progress::Progress;
+use super::report::grouped;
+use super::{Outcome, input};
+
+/// Reads and tells.
+pub fn run(args: &InfoArgs) -> Result<Outcome> {
+    let cloud = input::read(&args.input, &Progress::new(args.json))?;
+    let name = match &args.input {
+        Input::File(path) => path.display().to_string(),
+        Input::Scene { name, points, seed } => format!("scene:{name}:{points}:{seed}"),
+    };
+    let bounds = Bounds::of(&cloud);
+    let text = match args.json {
+        true => format!("{:#}\n", as_json(&name, &cloud, bounds)),
+        false => as_text(&name, &cloud, bounds),
+    };
+    super::print(&text)?;
+    Ok(Outcome::Done)
+}
+
+/// Name of each attribute and whether it is there.
+fn attributes(cloud: &PointCloud) -> [(&'static str, bool); 6] {
+    [
+        ("normals", cloud.normals.is_some()),
+        ("radii", cloud.radii.is_some()),
+        ("colors", cloud.colors.is_some()),
+        ("opacity", cloud.opacity.is_some()),
+        ("intensity", cloud.intensity.is_some()),
+        ("classes", cloud.classes.is_some()),
+    ]
+}
+
+fn triangles(cloud: &PointCloud) -> usize {
+    cloud.mesh.as_ref().map_or(0, |m| m.triangles.len())
+}
+
+fn as_json(name: &str, cloud: &PointCloud, bounds: Option<Bounds>) -> Value {
+    let vector = |v: DVec3| json!(v.to_array());
+    let counts = |list: &[(String, u64)]| -> Value {
+        list.iter().map(|(reason, count)| json!({"reason": reason, "count": count})).collect()
+    };
+    let there: Value = attributes(cloud).into_iter().map(|(n, b)| (n.to_owned(), json!(b))).collect();
+    json!({
+        "file": name,
+        "format": cloud.report.format,
+        "points_in_file": cloud.report.points_in_file,
+        "points": cloud.len(),
+        "triangles": triangles(cloud),
+        "attributes": there,
+        "origin": vector(cloud.origin),
+        "up": cloud.up.map(|u| vector(u.as_dvec3())),
+        "viewpoint": cloud.viewpoint.map(vector),
+        "box": bounds.map(|b| json!({"min": vector(b.min), "max": vector(b.max)})),
+        "robust_box": bounds.map(|b| json!({"min": vector(b.robust_min), "max": vector(b.robust_max)})),
+        "sphere": bounds.map(|b| json!({"center": vector(b.center), "radius": b.radius})),
+        "dropped": counts(&cloud.report.dropped),
+        "repaired": counts(&cloud.report.repaired),
+        "assumed": cloud.report.assumed,
+    })
+}
+
+fn as_text(name: &str, cloud: &PointCloud, bounds: Option<Bounds>) -> String {
+    let mut text = format!("{name}\n");
+    let mut row = |name: &str, value: String| {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "  {name:<12} {value}");
+    };
+    let vector = |v: DVec3| format!("{:.6} {:.6} {:.6}", v.x, v.y, v.z);
+    row("format", cloud.report.format.clone());
+    row("points", format!("{} of {} in the file", grouped(cloud.len() as u64), grouped(cloud.report.points_in_file)));
+    if triangles(cloud) > 0 {
+        row("triangles", grouped(triangles(cloud) as u64));
+    }
+    let there: Vec<&str> = attributes(cloud).iter().filter(|(_, b)| *b).map(|(n, _)| *n).collect();
+    row("attributes", if there.is_empty() { "positions only".into() } else { there.join(", ") });
+    if let Some(up) = cloud.up {
+        row("up", format!("{} {} {}", up.x, up.y, up.z));
+    }
+    if let Some(viewpoint) = cloud.viewpoint {
+        row("scanner at", vector(viewpoint));
+    }
+    if let Some(b) = bounds {
+        row("box", format!("{} to {}", vector(b.min), vector(b.max)));
+        row("robust box", format!("{} to {} (0.1 to 99.9 %)", vector(b.robust_min), vector(b.robust_max)));
+        row("sphere", format!("{}, radius {:.6}", vector(b.center), b.radius));
+    }
+    for (reason, n) in &cloud.report.dropped {
+        row("left out", format!("{}: {reason}", grouped(*n)));
+    }
+    for (reason, n) in &cloud.report.repaired {
+        row("repaired", format!("{}: {reason}", grouped(*n)));
+    }
+    for line in &cloud.report.assumed {
+        row("assumed", line.clone());
+    }
+    text
+}

@@ -1,0 +1,133 @@
+//! From arguments to clouds: read, joined where they are alike, bounded.
+
+use anyhow::{Result, bail};
+use glam::DVec3;
+
+use surfel::load::{self, Bounds, PointCloud, synthetic};
+
+use super::memory;
+use super::parse::{Input, MAX_POINTS};
+use super::progress::Progress;
+
+/// Reads one input.
+pub fn read(input: &Input, progress: &Progress) -> Result<PointCloud> {
+    match input {
+        Input::File(path) => {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let step = progress.step(format!("read {name}"), 1);
+            let report = |done, total| step.set(done, total);
+            Ok(load::open(path, &load::Options { progress: Some(&report) })?)
+        }
+        Input::Scene { name, points, seed } => {
+            // Position, normal, radius, colour, as they are made and as they are packed for the device.
+            memory::ensure(&format!("scene:{name}:{points}"), *points as u64 * (31 + 24))?;
+            let _step = progress.step(format!("make scene {name}"), 1);
+            Ok(synthetic::scene(name, *points, *seed)?)
+        }
+    }
+}
+
+/// Joins clouds that have the same attributes, in the order of their first; the others stay apart.
+///
+/// Tiles of one survey must become one cloud, or normals and radii would be wrong along their seams. A mesh and a scan
+/// must not: what is only missing in one would be given up in the other.
+pub fn join(clouds: Vec<PointCloud>) -> Result<Vec<PointCloud>> {
+    let kind = |c: &PointCloud| (c.mesh.is_some(), c.normals.is_some(), c.radii.is_some(), c.colors.is_some());
+    let mut groups: Vec<(_, Vec<PointCloud>)> = Vec::new();
+    for cloud in clouds {
+        let kind = kind(&cloud);
+        match groups.iter_mut().find(|(k, _)| *k == kind) {
+            Some((_, group)) => group.push(cloud),
+            None => groups.push((kind, vec![cloud])),
+        }
+    }
+    let joined: Vec<PointCloud> = groups.into_iter().map(|(_, group)| load::merge(group)).collect();
+    for cloud in &joined {
+        if cloud.len() > MAX_POINTS {
+            bail!("{} points in one cloud: at most {MAX_POINTS} are handled", cloud.len());
+        }
+    }
+    Ok(joined)
+}
+
+/// Bounds of all clouds together; `None` where there is no point.
+pub fn bounds(clouds: &[PointCloud]) -> Option<Bounds> {
+    match clouds {
+        [cloud] => Bounds::of(cloud),
+        _ => {
+            // Percentiles of several clouds are those of one that holds all their points.
+            let bare =
+                |c: &PointCloud| PointCloud { origin: c.origin, positions: c.positions.clone(), ..Default::default() };
+            Bounds::of(&load::merge(clouds.iter().map(bare).collect()))
+        }
+    }
+}
+
+/// A splat that the default view must show: centre [world] and radius.
+pub type Ball = (DVec3, f64);
+
+/// Evenly strided points inside the robust box, some ten thousand: enough to frame a picture by.
+pub fn balls(clouds: &[PointCloud], bounds: &Bounds) -> Vec<Ball> {
+    const WANTED: usize = 30_000;
+    let total: usize = clouds.iter().map(PointCloud::len).sum();
+    let step = total.div_ceil(WANTED).max(1);
+    let mut balls = Vec::new();
+    for cloud in clouds {
+        for i in (0..cloud.len()).step_by(step) {
+            let p = cloud.world(i);
+            if p.cmpge(bounds.robust_min).all() && p.cmple(bounds.robust_max).all() {
+                balls.push((p, cloud.radii.as_ref().map_or(0.0, |r| r[i] as f64)));
+            }
+        }
+    }
+    balls
+}
+
+/// One sentence for each thing that happened between the files and the clouds.
+pub fn sentences(clouds: &[PointCloud]) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for report in clouds.iter().map(|c| &c.report) {
+        let dropped = report.dropped.iter().map(|(why, n)| format!("{n} left out: {why}"));
+        let repaired = report.repaired.iter().map(|(why, n)| format!("{n} repaired: {why}"));
+        for line in dropped.chain(repaired).chain(report.assumed.iter().cloned()) {
+            if !all.contains(&line) {
+                all.push(line);
+            }
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn cloud(at: f32, normals: bool) -> PointCloud {
+        PointCloud {
+            positions: vec![Vec3::splat(at); 3],
+            normals: normals.then(|| vec![Vec3::Z; 3]),
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn only_clouds_of_one_kind_are_joined() {
+        let joined = join(vec![cloud(0.0, true), cloud(1.0, false), cloud(2.0, true)]).unwrap();
+        assert_eq!(joined.iter().map(PointCloud::len).collect::<Vec<_>>(), [6, 3]);
+        assert!(joined[0].normals.is_some() && joined[1].normals.is_none());
+        let all = bounds(&joined).unwrap();
+        assert_eq!((all.min, all.max), (DVec3::ZERO, DVec3::splat(2.0)));
+        assert_eq!(balls(&joined, &all).len(), 9);
+        assert!(bounds(&[]).is_none());
+    }
+
+    #[test]
+    fn nothing_that_happened_is_lost() {
+        let mut c = cloud(0.0, false);
+        c.report.drop("non-finite coordinates", 2);
+        c.report.repair("zero normals", 1);
+        c.report.assume("up");
+        assert_eq!(sentences(&[c]), ["2 left out: non-finite coordinates", "1 repaired: zero normals", "up"]);
+    }
+}

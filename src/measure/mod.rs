@@ -1,0 +1,8 @@
+//! What a picture and a frame are judged by: image errors and timing statistics.
+#![forbid(unsafe_code)]
+
+pub mod compare;
+pub mod timing;
+
+pub use compare::{Difference, Image, Incomparable, compare};
+pub use timing::Summary;

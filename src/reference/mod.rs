@@ -1,0 +1,126 @@
+//! A CPU renderer in f64 that the GPU is judged by. It imports nothing of `gpu` or `draw`, and is written from the
+//! definitions (`MODEL.md`: splat, low-pass, tolerance, blends), never from the shaders.
+//!
+//! # The picture, in pseudo-code
+//! ```text
+//! for every splat of the draw list, in order:
+//!     to eye space (f64); invalid? facing away? outside?        → counted, dropped
+//!     for every pixel centre that its screen bound holds:
+//!         x = ray ∩ plane;  u² = min(|x − p|² / r², |fragment − projected p|² / ρ²)
+//!         u ≤ 1 → a fragment: weight 2^(−4u²), z = depth of x, clamped to z_p ± r; none where z < near
+//! opaque:    the nearest fragment that is no deeper than the host's depth; of equals the first
+//! two-pass:  limit = min(host, min (z + ε));  sums of w, w·c, w·n over z ≤ limit;  c = Σwc / Σw, α = min(1, 2 Σw), or 1
+//!            where any fragment lies behind the limit
+//! light on the normalised Σwn; then eye-dome lighting on the finished depths
+//! ```
+//! # Where it departs, and why
+//! 1. Splats are binned into tiles of 32 × 32 pixels: each tile is one task and walks its splats in draw order, so every
+//!    pixel's sum has the same order whatever the number of threads, and the bytes are the same.
+//! 2. Two-pass evaluates every fragment twice instead of keeping them: 10⁵ splats on one pixel take no more memory than one.
+//! 3. Rays are parametrised by linear depth: the point of a pixel at depth z is o + z d, for any perspective or
+//!    orthographic projection that [`View`] allows.
+//! 4. Along with each pixel comes whether f32 arithmetic may decide differently there (see [`Picture::ties`]).
+//!
+//! The low-pass follows Botsch, Hornung, Zwicker, Kobbelt: High-Quality Surface Splatting on Today's GPUs, 2005; the exact
+//! bounds Sigg, Weyrich, Botsch, Gross: GPU-Based Ray-Casting of Quadratic Surfaces, 2006, in the form for flat disks.
+#![forbid(unsafe_code)]
+
+mod bound;
+mod camera;
+mod fragment;
+mod shade;
+mod splat;
+mod tiles;
+
+use glam::DMat4;
+
+use crate::select::{DrawList, View};
+use crate::structure::Flat;
+use crate::style::Style;
+use crate::technique::Technique;
+
+/// One cloud of the frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Instance<'a> {
+    /// Its points.
+    pub flat: &'a Flat,
+    /// World from the cloud's frame: a rotation, a uniform scale, a translation.
+    pub transform: DMat4,
+}
+
+/// What a frame is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct Scene<'a> {
+    /// The clouds that `list` refers to.
+    pub instances: &'a [Instance<'a>],
+    /// Which points, in which order. Every span must lie within its cloud; at most 2³² − 1 points.
+    pub list: &'a DrawList,
+    /// From where.
+    pub view: &'a View,
+    /// In pixels.
+    pub width: u32,
+    /// In pixels.
+    pub height: u32,
+    /// How fragments are combined; structure, selection, primitive and order are settled by `list`.
+    pub technique: Technique,
+    /// How splats look.
+    pub style: &'a Style,
+    /// The host's depth buffer in the view's convention, row by row from the top, `width · height` values; the clear
+    /// value hides nothing.
+    pub host_depth: Option<&'a [f32]>,
+}
+
+/// The finished picture: rows from the top, `width · height` pixels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// In pixels.
+    pub width: u32,
+    /// In pixels.
+    pub height: u32,
+    /// Linear light, premultiplied by the coverage in the fourth component.
+    pub rgba: Vec<[f64; 4]>,
+    /// Linear view depth of the front [world units]; infinite where nothing is.
+    pub depth: Vec<f64>,
+    /// Whether the pixel lies within the rounding margin given to [`render`] of a decision (a rim, a depth or tolerance
+    /// comparison, the near plane, a square's border, a splat seen edge-on, or a neighbour of such a pixel with eye-dome
+    /// lighting), so that rounding may change it by more than rounding. All false for a margin of 0.
+    pub ties: Vec<bool>,
+    /// What became of the splats.
+    pub counts: Counts,
+}
+
+/// Submitted = drawn + everything culled. A splat counts once: as invalid, else as facing away, else as outside.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Points in the draw list.
+    pub submitted: u64,
+    /// The bound of the footprint meets the picture, pixel centres or not.
+    pub drawn: u64,
+    /// Bound outside the picture or wholly before the near plane.
+    pub culled_frustum: u64,
+    /// Facing away, where the style drops those.
+    pub culled_cone: u64,
+    /// Non-finite centre or radius, or a radius that is not positive.
+    pub culled_invalid: u64,
+}
+
+/// Renders the scene.
+///
+/// `margin` is the relative rounding error that [`Picture::ties`] allows for: an arithmetic that places eye-space
+/// positions within `margin` · distance, unit vectors within `margin`, and pixel positions within `margin` · (picture size +
+/// offset) decides as f64 does everywhere but at ties. A chain of k roundings in f32 has at most k · 2⁻²⁴; 16 of them
+/// ([`MARGIN_F32`]) is what transforming and intersecting takes. The picture itself does not depend on it.
+///
+/// # Panics
+/// If a span lies outside its cloud, or `host_depth` has a wrong length.
+pub fn render(scene: &Scene, margin: f64) -> Picture {
+    let setup = splat::Setup::new(scene, margin);
+    let mut picture = tiles::draw(scene, &setup);
+    if let Some(eye_dome) = scene.style.eye_dome {
+        shade::eye_dome(&mut picture, eye_dome);
+    }
+    picture
+}
+
+/// Sixteen roundings of f32, for [`render`].
+pub const MARGIN_F32: f64 = 16.0 / (1u32 << 24) as f64;

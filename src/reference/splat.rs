@@ -1,0 +1,223 @@
+//! From a point of the draw list to a splat in eye space, or the reason why it is not drawn.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::Scene;
+use super::bound::{Bound, footprint};
+use super::camera::Camera;
+use crate::color::decode_table;
+use crate::structure::{Flat, octahedral};
+use crate::style::{BackFaces, Ellipse, Footprint};
+use crate::technique::Blend;
+
+/// What a splat covers.
+#[derive(Clone, Copy)]
+pub enum Shape {
+    /// A disk with its low-pass; all weights 1 if `hard`.
+    Disk { hard: bool },
+    /// A square, half its side in pixels.
+    Square { half: f64 },
+}
+
+/// A splat in eye space.
+pub struct Splat {
+    /// Centre.
+    pub p: DVec3,
+    /// Unit normal on the viewer's side.
+    pub n: DVec3,
+    /// Unit normal that is averaged for light: turned only where it faces away by more than asin ¼ (15°), so that the
+    /// two sides of a silhouette do not cancel.
+    pub lit: DVec3,
+    /// Radius of the footprint.
+    pub r: f64,
+    /// Depth tolerance ε.
+    pub epsilon: f64,
+    /// How far off rounding may be in it.
+    pub d_epsilon: f64,
+    /// Linear depth of the centre.
+    pub z: f64,
+    /// Projected centre [px], where the centre is not before the near plane.
+    pub screen: Option<DVec2>,
+    /// The affine form's direction: the ray through the centre, per unit of linear depth. `None`: exact form.
+    pub affine: Option<DVec3>,
+    /// Linear colour.
+    pub color: DVec3,
+    /// Not dropped.
+    pub drawn: bool,
+    /// Rounding cannot turn it to the other side.
+    pub sure: bool,
+}
+
+/// What becomes of a point.
+pub enum Fate {
+    Invalid,
+    /// Facing away. Where rounding may see that otherwise the splat comes along (with `drawn` false), for the ties.
+    Away(Option<(Splat, Bound)>),
+    Outside,
+    Drawn(Splat, Bound),
+}
+
+struct Object<'a> {
+    flat: &'a Flat,
+    /// Eye-space position of the cloud's origin: rounded once for all points, at the precision of the origin.
+    origin: DVec3,
+    /// Eye from cloud without translation.
+    linear: DMat3,
+    scale: f64,
+}
+
+/// The frame's constants.
+pub struct Setup<'a> {
+    scene: &'a Scene<'a>,
+    objects: Vec<Object<'a>>,
+    /// Number of the first point of each span, and the total.
+    starts: Vec<u32>,
+    pub camera: Camera,
+    pub shape: Shape,
+    /// ρ [px]
+    pub low_pass: f64,
+    pub margin: f64,
+}
+
+impl<'a> Setup<'a> {
+    pub fn new(scene: &'a Scene<'a>, margin: f64) -> Setup<'a> {
+        let camera = Camera::new(scene.view, scene.width, scene.height);
+        let objects = scene
+            .instances
+            .iter()
+            .map(|i| {
+                let linear = DMat3::from_mat4(i.transform);
+                Object {
+                    flat: i.flat,
+                    origin: camera.eye(i.transform.transform_point3(i.flat.origin)),
+                    linear: camera.rotation * linear,
+                    scale: linear.determinant().abs().cbrt(),
+                }
+            })
+            .collect();
+        let mut starts = vec![0u32];
+        for span in &scene.list.spans {
+            let total = starts[starts.len() - 1].checked_add(span.count);
+            starts.push(total.expect("at most 2³² − 1 points a frame"));
+        }
+        let shape = match scene.style.footprint {
+            Footprint::Pixels(side) => Shape::Square { half: 0.5 * side as f64 },
+            Footprint::Splat => Shape::Disk { hard: scene.technique.blend == Blend::Opaque },
+        };
+        Setup { scene, objects, starts, camera, shape, low_pass: scene.style.low_pass as f64, margin }
+    }
+
+    /// Points submitted.
+    pub fn len(&self) -> u32 {
+        self.starts[self.starts.len() - 1]
+    }
+
+    /// Point `number` of the draw list.
+    pub fn point(&self, number: u32) -> Fate {
+        let at = self.starts.partition_point(|&s| s <= number) - 1;
+        let span = self.scene.list.spans[at];
+        let object = &self.objects[span.instance as usize];
+        self.splat(object, (span.first + (number - self.starts[at])) as usize)
+    }
+
+    fn splat(&self, object: &Object, index: usize) -> Fate {
+        let style = self.scene.style;
+        let [x, y, z, radius] = object.flat.geometry[index];
+        let p = object.origin + object.linear * DVec3::new(x as f64, y as f64, z as f64);
+        let r = radius as f64 * style.radius_scale as f64 * object.scale;
+        if !(p.is_finite() && r.is_finite() && r > 0.0) {
+            return Fate::Invalid;
+        }
+
+        let viewer = self.camera.towards_viewer(p);
+        let code = object.flat.normals.as_ref().map_or(octahedral::NONE, |n| n[index]);
+        let (mut n, mut lit, mut drawn, mut sure) = (viewer, viewer, true, true);
+        if let Some(normal) = octahedral::decode(code) {
+            n = (object.linear * normal).normalize();
+            let facing = n.dot(viewer);
+            let cull = match style.back_faces {
+                BackFaces::Auto => object.flat.closed,
+                BackFaces::Draw => false,
+                BackFaces::Cull => true,
+            };
+            drawn = !(cull && facing < 0.0);
+            // Two unit vectors, each with its own error.
+            sure = facing.abs() >= 2.0 * self.margin && (facing + 0.25).abs() >= 2.0 * self.margin;
+            lit = if facing < -0.25 { -n } else { n };
+            if facing < 0.0 {
+                n = -n;
+            }
+            if !drawn && sure {
+                return Fate::Away(None);
+            }
+        }
+
+        let depth = -p.z;
+        let screen = (depth >= self.camera.near).then(|| self.camera.project(p));
+        // The low-pass spreads a splat over ρ pixels of its plane, tan θ times as deep as wide (83° at most): that is
+        // its radius where it exceeds r.
+        let slope = (1.0 - n.dot(viewer).powi(2)).max(0.0).sqrt() / n.dot(viewer).max(1e-6);
+        let spread =
+            if screen.is_some() { self.low_pass * self.pixel_width(p, viewer) * slope.clamp(1.0, 8.0) } else { 0.0 };
+        let tolerance = style.tolerance;
+        let mut splat = Splat {
+            p,
+            n,
+            lit,
+            r: if matches!(self.shape, Shape::Disk { hard: true }) { r * std::f64::consts::FRAC_1_SQRT_2 } else { r },
+            epsilon: (tolerance.absolute as f64).max(tolerance.relative as f64 * r.max(spread)),
+            d_epsilon: 0.0,
+            z: depth,
+            screen,
+            affine: None,
+            color: color(object.flat, index, style.base_color),
+            drawn,
+            sure,
+        };
+        // tan θ of a steep splat is off by margin / cos θ relative to it.
+        splat.d_epsilon = splat.epsilon * self.margin * (2.0 + 1.0 / n.dot(viewer).max(0.1));
+        if let (Ellipse::Approximate, Some(at)) = (style.ellipse, screen) {
+            // Only for disks that do not reach the near plane.
+            if splat.z - splat.depth_extent() >= self.camera.near {
+                splat.affine = Some(self.camera.ray(at).direction);
+            }
+        }
+        let bound = footprint(self, &splat);
+        match (bound, drawn) {
+            (None, true) => Fate::Outside,
+            (None, false) => Fate::Away(None),
+            (Some(bound), true) => Fate::Drawn(splat, bound),
+            (Some(bound), false) => Fate::Away(Some((splat, bound))),
+        }
+    }
+}
+
+impl Setup<'_> {
+    /// Side of the square across the ray at `p` whose image has the area of a pixel [world units].
+    fn pixel_width(&self, p: DVec3, viewer: DVec3) -> f64 {
+        // Central differences over 10⁻⁵ of the distance: error 10⁻¹⁰ from curvature, 10⁻¹⁰ from rounding.
+        let step = 1e-5 * p.length().max(1e-300);
+        let (a, b) = viewer.any_orthonormal_pair();
+        let image = |t: DVec3| (self.camera.project(p + step * t) - self.camera.project(p - step * t)) / (2.0 * step);
+        1.0 / image(a).perp_dot(image(b)).abs().sqrt()
+    }
+}
+
+impl Splat {
+    /// Half the range of depths of the disk.
+    pub fn depth_extent(&self) -> f64 {
+        self.r * self.n.x.hypot(self.n.y)
+    }
+}
+
+fn color(flat: &Flat, index: usize, base: [u8; 3]) -> DVec3 {
+    let table = decode_table();
+    let [r, g, b] = match &flat.colors {
+        Some(colors) => {
+            let [r, g, b, _] = colors[index].to_le_bytes();
+            [r, g, b]
+        }
+        None => base,
+    };
+    DVec3::new(table[r as usize], table[g as usize], table[b as usize])
+}

@@ -1,0 +1,190 @@
+//! The binary where it needs no Vulkan: `info`, `compare`, and everything that is refused before a device is made.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+
+use crate::common::data;
+
+fn surfel(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_surfel")).args(args).output().expect("the binary starts")
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A folder of this process's own for one test.
+fn folder(test: &str) -> PathBuf {
+    let path = std::env::temp_dir().join(format!("surfel-cli-{test}-{}", std::process::id()));
+    fs::create_dir_all(&path).expect("a temporary folder");
+    path
+}
+
+fn usage(args: &[&str], says: &str) {
+    let output = surfel(args);
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {}", stderr(&output));
+    assert!(stderr(&output).contains(says), "{args:?}: {}", stderr(&output));
+}
+
+/// Exit 1 and one line, which names `file`.
+fn refused(args: &[&str], file: &str) -> String {
+    let output = surfel(args);
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+    assert!(text.starts_with("surfel: ") && text.contains(file), "{args:?}: {text}");
+    text
+}
+
+#[test]
+fn what_cannot_be_meant_is_a_usage_error() {
+    let render =
+        |more: &[&str], says: &str| usage(&[&["render", "scene:torus:99", "-o", "x.png"], more].concat(), says);
+    usage(&[], "Usage");
+    usage(&["render", "scene:torus"], "--output");
+    usage(&["render", "scene:nothing", "-o", "x.png"], "there is no scene");
+    usage(&["render", "scene:torus", "-o", "x.jpg"], ".png");
+    render(&["--size", "0x5"], "at least 1");
+    render(&["--size", "5000000000x1"], "size");
+    render(&["--fov", "0"], "angle");
+    render(&["--fov", "180"], "angle");
+    render(&["--eye", "1,2,3"], "--target");
+    render(&["--eye", "1,2,3", "--target", "1,2,3"], "same place");
+    render(&["--eye", "0,0,1", "--target", "0,0,0", "--up", "z"], "--up lies along");
+    render(&["--orbit", "0,0,2", "--eye", "1,2,3", "--target", "0,0,0"], "cannot be used with");
+    render(&["--orbit", "0,100,2"], "elevation");
+    render(&["--background", "red"], "hexadecimal");
+    render(&["--radius", "-1"], "radius");
+    render(&["--radius", "px:2", "--blend", "two-pass"], "opaque");
+    render(&["--blend", "sideways"], "two-pass");
+    render(&["--structure", "octree"], "flat");
+    render(&["--frames", "0"], "frames");
+    assert!(!PathBuf::from("x.png").exists());
+}
+
+#[test]
+fn help_names_every_option() {
+    let help = stdout(&surfel(&["render", "--help"]));
+    let options = "size structure blend threshold orbit eye target up fov background shade color radius primitive ellipse \
+                   tolerance frames warmup stats device validate";
+    for option in options.split_whitespace() {
+        assert!(help.contains(&format!("--{option}")), "{option}");
+    }
+}
+
+#[test]
+fn outputs_are_tried_before_anything_is_read() {
+    let here = folder("outputs");
+    let nowhere = here.join("no/such/folder/x.png");
+    refused(&["render", "scene:torus:99", "-o", &nowhere.to_string_lossy()], "no/such/folder/x.png");
+    let fine = here.join("x.png");
+    let fine = fine.to_string_lossy();
+    refused(&["render", "scene:torus:99", "-o", &fine, "--stats", "/no/such/folder/s.json"], "s.json");
+    let directory = here.join("d.png");
+    fs::create_dir_all(&directory).unwrap();
+    refused(&["render", "scene:torus:99", "-o", &directory.to_string_lossy()], "d.png");
+    refused(&["render", "no such file.ply", "-o", &fine], "no such file.ply");
+    let picture = here.join("same.png");
+    fs::write(&picture, "not a scan").unwrap();
+    let same = picture.to_string_lossy();
+    assert!(refused(&["render", &same, "-o", &same], "same.png").contains("overwritten"));
+    assert_eq!(fs::read_to_string(&picture).unwrap(), "not a scan");
+    let left: Vec<_> = fs::read_dir(&here).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(left.len(), 2, "nothing else was left behind: {left:?}");
+    fs::remove_dir_all(here).unwrap();
+}
+
+#[test]
+fn info_tells_both_boxes_and_the_sphere() {
+    let file = data("pond_mvs_normals.ply");
+    let output = surfel(&["info", &file.to_string_lossy(), "--json"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let v: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&v["points"], &v["points_in_file"]), (&70_051.into(), &70_051.into()));
+    assert_eq!((&v["attributes"]["normals"], &v["attributes"]["radii"]), (&true.into(), &false.into()));
+    let number = |v: &serde_json::Value| v.as_f64().unwrap();
+    let mut half = 0.0;
+    for axis in 0..3 {
+        let [low, high] = ["min", "max"].map(|end| number(&v["box"][end][axis]));
+        let [robust_low, robust_high] = ["min", "max"].map(|end| number(&v["robust_box"][end][axis]));
+        assert!(low < robust_low && robust_low < robust_high && robust_high < high);
+        half += (0.5 * (robust_high - robust_low)).powi(2);
+        let center = number(&v["sphere"]["center"][axis]);
+        assert!((center - 0.5 * (robust_low + robust_high)).abs() < 1e-6);
+    }
+    assert!((number(&v["sphere"]["radius"]) - half.sqrt()).abs() < 1e-6);
+    let text = stdout(&surfel(&["info", &file.to_string_lossy()]));
+    assert!(text.contains("70 051") && text.contains("robust box"));
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_failure() {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_surfel"))
+        .args(["info", "scene:torus:99"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!((output.status.code(), stderr(&output)), (Some(0), String::new()));
+}
+
+#[test]
+fn broken_files_end_in_one_line_or_a_report() {
+    let bad = data("bad/ply_zero_bytes.ply");
+    let folder = bad.parent().unwrap();
+    let mut seen = 0;
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let output = surfel(&["info", &path.to_string_lossy(), "--json"]);
+        match output.status.code() {
+            Some(0) => {
+                let v: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+                assert!(v["points"].as_u64() > Some(0), "{}", path.display());
+            }
+            Some(1) => {
+                let text = stderr(&output);
+                let name = path.file_name().unwrap().to_string_lossy();
+                assert!(text.lines().count() == 1 && text.contains(&*name), "{text}");
+            }
+            other => panic!("{}: {other:?} {}", path.display(), stderr(&output)),
+        }
+        seen += 1;
+    }
+    assert!(seen >= 30, "{seen} files");
+}
+
+#[test]
+fn pictures_are_compared() {
+    let here = folder("compare");
+    let path = |name: &str| here.join(name).to_string_lossy().into_owned();
+    let (a, b, small) = (path("a.png"), path("b.png"), path("small.png"));
+    let mut picture = image::RgbImage::from_fn(20, 15, |x, y| image::Rgb([(x * 9) as u8, (y * 11) as u8, 7]));
+    picture.save(&a).unwrap();
+    picture.get_pixel_mut(3, 4)[0] += 5;
+    picture.save(&b).unwrap();
+    image::RgbImage::new(2, 2).save(&small).unwrap();
+    let json = |args: &[&str]| -> serde_json::Value {
+        let output = surfel(&[&["compare", "--json"], args].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let same = json(&[&a, &a]);
+    assert_eq!((&same["equal"], &same["psnr"], &same["over"]), (&true.into(), &serde_json::Value::Null, &0.into()));
+    let d = json(&[&a, &b]);
+    assert_eq!((&d["equal"], &d["over"]), (&false.into(), &1.into()));
+    // One of 900 values is off by 5 / 255.
+    assert!((d["rmse"].as_f64().unwrap() - 5.0 / 255.0 / 30.0).abs() < 1e-12);
+    assert_eq!(json(&[&a, &b, "--tolerance", "5"])["over"], 0);
+    assert!(refused(&["compare", &a, &small], "small.png").contains("different sizes"));
+    refused(&["compare", &a, &path("none.png")], "none.png");
+    fs::write(path("text.png"), "no picture").unwrap();
+    refused(&["compare", &a, &path("text.png")], "text.png");
+    fs::remove_dir_all(here).unwrap();
+}

@@ -1,0 +1,349 @@
+//! Every blend, primitive, ellipse and light against the f64 reference, from views of every kind: counts exactly, pixels
+//! within a derived bound.
+//!
+//! Where the bound comes from: a projected centre is rounded where the eye-space position is (some 4·2⁻²⁴ of |p|/z·f, at
+//! most 170 px here: 4·10⁻⁵ px) and where pixels are (4·2⁻²⁴ of 200 px: 5·10⁻⁵ px), so fragments are displaced by up to
+//! δ = 10⁻⁴ px. A weight changes by at most 1.43 δ / R (the greatest slope of 2^(−4u²)), R ≥ 1 px the footprint's radius,
+//! or down to a quarter of that where an edge-on disk still wins over the low-pass: 5.7·10⁻⁴. Coverage is 2 Σw, and four
+//! such splats in one pixel are never in phase: twice one splat's change, 1.2·10⁻³, bounds colour and coverage. Discs and
+//! squares have no weights: only light is rounded, some 10⁻⁶ of a colour up to 1.25.
+
+use std::sync::Arc;
+
+use glam::{DMat4, DQuat, DVec3, Vec3, dvec3};
+use surfel::Instance;
+use surfel::load::{PointCloud, synthetic};
+use surfel::reference::{self, MARGIN_F32};
+use surfel::select::{DepthConvention, DrawList, View};
+use surfel::standalone::{Offscreen, Options, Shot};
+use surfel::structure::Flat;
+use surfel::style::{BackFaces, Ellipse, EyeDome, Footprint, Shading, Style, Tolerance};
+use surfel::technique::{Blend, PRESETS, Technique};
+
+use crate::vulkan;
+
+const SIZE: [u32; 2] = [200, 140];
+const WEIGHTED: f64 = 1.2e-3;
+const UNWEIGHTED: f64 = 1e-5;
+
+/// Far from the origin: what f32 alone could not hold.
+const ORIGIN: DVec3 = DVec3::new(5e5, 4e6, 100.0);
+
+fn random(state: &mut u64) -> f32 {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 40) as f32 / (1u32 << 24) as f32
+}
+
+/// A closed sphere of 3000 evenly spread splats in random colours.
+fn sphere() -> PointCloud {
+    let mut cloud = synthetic::scene("sphere", 3000, 1).expect("a scene of this name");
+    let mut state = 7;
+    cloud.colors = Some((0..cloud.len()).map(|_| [0; 3].map(|_: u8| (random(&mut state) * 255.0) as u8)).collect());
+    cloud.origin = ORIGIN;
+    cloud.closed = true;
+    cloud
+}
+
+/// 400 disks of all sizes and directions in a cube, a tenth without a normal.
+fn soup() -> PointCloud {
+    let mut state = 9;
+    let mut vector = |i: usize| match i % 10 {
+        9 => Vec3::ZERO,
+        _ => Vec3::from_array([0; 3].map(|_: u8| 2.0 * random(&mut state) - 1.0)),
+    };
+    let positions = (0..400).map(|_| vector(0)).collect();
+    let normals = Some((0..400).map(&mut vector).collect());
+    let radii = Some((0..400).map(|_| 0.3 * random(&mut state)).collect());
+    let colors = Some((0..400).map(|_| [0; 3].map(|_: u8| (random(&mut state) * 255.0) as u8)).collect());
+    PointCloud { origin: ORIGIN, positions, normals, radii, colors, ..PointCloud::default() }
+}
+
+fn views() -> Vec<(&'static str, View)> {
+    let aspect = SIZE[0] as f64 / SIZE[1] as f64;
+    let lens = View::perspective(0.8, aspect, 0.01);
+    let look = |from: DVec3, to: DVec3, lens| {
+        View::look_at(ORIGIN + from, ORIGIN + to, DVec3::Y, lens, DepthConvention::Reversed)
+    };
+    let outside = dvec3(0.3, 0.5, 3.0);
+    let mut shifted = lens;
+    (shifted.z_axis.x, shifted.z_axis.y) = (0.2, -0.1);
+    let mut standard = look(outside, DVec3::ZERO, lens);
+    (standard.projection.z_axis.z, standard.projection.w_axis.z) = (-1.0, -0.01);
+    standard.depth = DepthConvention::Standard;
+    let mirror = DMat4::from_scale(dvec3(1.0, 1.0, -1.0));
+    let mut left = look(outside, DVec3::ZERO, lens);
+    (left.view, left.projection) = (mirror * left.view, left.projection * mirror);
+    let flipped = DMat4::from_scale(dvec3(1.0, -1.0, 1.0)) * lens;
+    vec![
+        ("outside", look(outside, DVec3::ZERO, lens)),
+        ("near", look(dvec3(0.0, 0.3, 1.2), DVec3::ZERO, lens)),
+        ("inside", look(dvec3(0.1, 0.2, 0.2), dvec3(1.0, 0.5, 0.1), lens)),
+        ("far", look(20.0 * outside, DVec3::ZERO, View::perspective(0.05, aspect, 1.0))),
+        ("asymmetric", look(outside, DVec3::ZERO, shifted)),
+        ("orthographic", look(outside, DVec3::ZERO, View::orthographic(2.5, aspect, 0.1, 10.0))),
+        ("standard", standard),
+        ("left-handed", left),
+        ("flipped", look(outside, DVec3::ZERO, flipped)),
+    ]
+}
+
+fn styles() -> Vec<(&'static str, Style)> {
+    let plain = Style { shading: Shading::None, ..Style::default() };
+    vec![
+        ("plain", plain),
+        ("approximate", Style { ellipse: Ellipse::Approximate, back_faces: BackFaces::Draw, ..plain }),
+        ("phong", Style { shading: Shading::PHONG, back_faces: BackFaces::Cull, ..plain }),
+        (
+            "headlight",
+            Style {
+                shading: Shading::HEADLIGHT,
+                tolerance: Tolerance { absolute: 0.1, relative: 0.0 },
+                low_pass: 2.0,
+                radius_scale: 0.5,
+                ..plain
+            },
+        ),
+    ]
+}
+
+/// What is compared, and how far it may be off.
+struct Case<'a> {
+    name: String,
+    instances: &'a [(Arc<Flat>, Instance)],
+    view: &'a View,
+    technique: Technique,
+    style: &'a Style,
+    bound: f64,
+    /// Pixels that may be off further, all of them ties.
+    ties: usize,
+}
+
+fn check(off: &mut Offscreen, case: &Case) {
+    let name = &case.name;
+    let instances: Vec<Instance> = case.instances.iter().map(|(_, i)| *i).collect();
+    let shot =
+        Shot { view: case.view, instances: &instances, technique: case.technique, style: case.style, count: true };
+    let (stats, _) = off.draw(&shot).expect("a frame");
+    let picture = off.read().expect("a picture");
+    vulkan::hash(name, &picture);
+
+    let scene: Vec<reference::Instance> =
+        case.instances.iter().map(|(flat, i)| reference::Instance { flat, transform: i.transform }).collect();
+    let expected = reference::render(
+        &reference::Scene {
+            instances: &scene,
+            list: &DrawList::all(case.instances.iter().map(|(flat, _)| flat.len() as u32)),
+            view: case.view,
+            width: SIZE[0],
+            height: SIZE[1],
+            technique: case.technique,
+            style: case.style,
+            host_depth: None,
+        },
+        MARGIN_F32,
+    );
+
+    let culled = stats.culled.expect("counted");
+    let drawn = stats.points_drawn.expect("counted");
+    assert_eq!(stats.points_submitted, drawn + culled.total(), "{name}: the account");
+    let counts = &expected.counts;
+    assert_eq!(
+        (drawn, culled.frustum, culled.cone, culled.invalid),
+        (counts.drawn, counts.culled_frustum, counts.culled_cone, counts.culled_invalid),
+        "{name}: drawn, outside, facing away, invalid"
+    );
+    assert_eq!((culled.interval, culled.occluded), (0, 0), "{name}");
+
+    let mut off_ties = 0;
+    for (i, want) in expected.rgba.iter().enumerate() {
+        let got = picture.rgba[i].map(f64::from);
+        let error = (0..4).map(|k| (want[k] - got[k]).abs()).fold(0.0, f64::max);
+        if error > case.bound {
+            let at = (i as u32 % SIZE[0], i as u32 / SIZE[0]);
+            assert!(expected.ties[i], "{name}, pixel {at:?}: {got:?} is not {want:?}");
+            off_ties += 1;
+        }
+        let depth = case.view.right_handed().linear_depth(picture.depth.as_ref().expect("depth")[i] as f64);
+        let front = expected.depth[i];
+        // Position by δ = 10⁻⁴ px on a slope of at most 8, in the host's depth of 24 bits: some 10⁻⁵; standard depth
+        // keeps 2⁻²⁴ of 1 − near/z, that is z/near times as much.
+        let bound = if case.view.depth == DepthConvention::Standard { 1e-4 } else { 2e-5 };
+        assert!(
+            expected.ties[i] || (front.is_infinite() && want[3] == 0.0) || (depth / front - 1.0).abs() < bound,
+            "{name}, pixel {i}: depth {depth} is not {front}"
+        );
+    }
+    assert!(off_ties <= case.ties, "{name}: {off_ties} ties are off, {} may be", case.ties);
+    let covered = expected.rgba.iter().filter(|p| p[3] > 0.0).count();
+    let empty = name.contains("sphere") && name.contains("inside") && covered == 0;
+    assert!(covered > 2000 || empty, "{name}: only {covered} pixels show anything");
+}
+
+fn add(off: &mut Offscreen, cloud: &PointCloud) -> (Arc<Flat>, Instance) {
+    let flat = Arc::new(Flat::new(cloud));
+    let id = off.renderer.add(Arc::clone(&flat)).expect("a cloud");
+    (flat, Instance { cloud: id, transform: DMat4::IDENTITY })
+}
+
+/// Less than one in ten thousand.
+const FEW: usize = (SIZE[0] * SIZE[1] / 10_000) as usize;
+
+fn every_view_and_style(options: &Options, presets: &[(&'static str, Technique)]) {
+    vulkan::draw_with(options, SIZE, true, |off| {
+        for (scene, cloud) in [("sphere", sphere()), ("soup", soup())] {
+            let instances = [add(off, &cloud)];
+            for (v, view) in &views() {
+                for (s, style) in &styles() {
+                    for (t, technique) in presets {
+                        let opaque = technique.blend == Blend::Opaque;
+                        check(
+                            off,
+                            &Case {
+                                name: format!("{scene}, {v}, {s}, {t}"),
+                                instances: &instances,
+                                view,
+                                technique: *technique,
+                                style,
+                                bound: if opaque { UNWEIGHTED } else { WEIGHTED },
+                                // Neighbouring discs of a smooth surface cut each other in lines, where the nearer is a
+                                // matter of rounding: a pixel is 10⁻⁴ px from such a line in one of 10⁴ cases a line,
+                                // some four lines a pixel. From 20 times as far depths round 20 times as coarsely.
+                                ties: match (opaque, *v) {
+                                    (true, "far") => 80 * FEW,
+                                    (true, _) => 4 * FEW,
+                                    (false, _) => FEW,
+                                },
+                            },
+                        );
+                    }
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn every_technique_view_and_style() {
+    every_view_and_style(&vulkan::options(), PRESETS);
+}
+
+#[test]
+fn quads_stand_in_where_points_cannot_be_large() {
+    let options = Options { without_large_points: true, ..vulkan::options() };
+    every_view_and_style(&options, &PRESETS[..1]);
+}
+
+#[test]
+fn clouds_are_placed_turned_and_scaled() {
+    vulkan::draw(SIZE, true, |off| {
+        let mut instances = vec![add(off, &sphere()), add(off, &soup())];
+        // About the scene's origin, far from the world's.
+        let about = |m: DMat4| DMat4::from_translation(ORIGIN) * m * DMat4::from_translation(-ORIGIN);
+        instances[0].1.transform = about(DMat4::from_scale_rotation_translation(
+            DVec3::splat(0.7),
+            DQuat::from_rotation_x(0.6) * DQuat::from_rotation_y(1.1),
+            dvec3(-0.6, 0.2, 0.0),
+        ));
+        let mut twin = instances[1].clone();
+        instances[1].1.transform = about(DMat4::from_translation(dvec3(0.8, 0.0, 0.0)));
+        twin.1.transform = about(DMat4::from_scale(DVec3::splat(0.3)));
+        instances.push(twin);
+        for (v, view) in &views() {
+            let style = Style { shading: Shading::HEADLIGHT, ..Style::default() };
+            let name = format!("placed, {v}");
+            let technique = Technique::default();
+            check(
+                off,
+                &Case { name, instances: &instances, view, technique, style: &style, bound: WEIGHTED, ties: FEW },
+            );
+        }
+    });
+}
+
+#[test]
+fn squares_of_a_given_size() {
+    vulkan::draw(SIZE, true, |off| {
+        let instances = [add(off, &sphere())];
+        for (t, technique) in PRESETS.iter().filter(|(_, t)| t.blend == Blend::Opaque) {
+            let style = Style { footprint: Footprint::Pixels(3.0), shading: Shading::None, ..Style::default() };
+            let view = &views()[0].1;
+            // A square's border passes within 1/256 px of a pixel's centre (where the rasteriser snaps) in one of 64
+            // cases a side: the reference marks those.
+            let ties = (SIZE[0] * SIZE[1] / 64) as usize;
+            let name = format!("squares, {t}");
+            check(
+                off,
+                &Case {
+                    name,
+                    instances: &instances,
+                    view,
+                    technique: *technique,
+                    style: &style,
+                    bound: UNWEIGHTED,
+                    ties,
+                },
+            );
+        }
+    });
+}
+
+#[test]
+fn eye_dome_lighting() {
+    vulkan::draw(SIZE, true, |off| {
+        let instances = [add(off, &soup())];
+        for (v, view) in views().iter().filter(|(v, _)| *v != "left-handed") {
+            let style = Style { eye_dome: Some(EyeDome::default()), shading: Shading::None, ..Style::default() };
+            let technique = Technique::default();
+            // exp(−100 s), s a mean of logarithms of depths, each good to 2·10⁻⁵: 3·10⁻³ of the colour more.
+            let bound = WEIGHTED + 3e-3;
+            let name = format!("eye-dome, {v}");
+            check(off, &Case { name, instances: &instances, view, technique, style: &style, bound, ties: FEW });
+        }
+    });
+}
+
+#[test]
+fn a_point_of_any_kind_does_no_harm() {
+    vulkan::draw(SIZE, true, |off| {
+        let mut cloud = soup();
+        let radii = cloud.radii.as_mut().expect("radii");
+        for (i, r) in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 50.0].into_iter().enumerate() {
+            radii[i] = r;
+        }
+        cloud.positions[6] = Vec3::splat(f32::NAN);
+        cloud.positions[7] = Vec3::new(f32::INFINITY, 0.0, 0.0);
+        let instances = [add(off, &cloud)];
+        for v in [0, 2] {
+            let (name, view) = &views()[v];
+            let style = Style { shading: Shading::None, ..Style::default() };
+            let technique = Technique::default();
+            let name = format!("odd points, {name}");
+            check(
+                off,
+                &Case { name, instances: &instances, view, technique, style: &style, bound: WEIGHTED, ties: FEW },
+            );
+        }
+    });
+}
+
+#[test]
+fn the_reference_would_notice() {
+    // The whole comparison is worth nothing if it passes for the wrong picture: another radius by 2 % must fail.
+    let wrong = std::panic::catch_unwind(|| {
+        vulkan::draw(SIZE, true, |off| {
+            let (_, instance) = add(off, &sphere());
+            let mut other = sphere();
+            other.radii.as_mut().expect("radii").iter_mut().for_each(|r| *r *= 1.02);
+            let instances = [(Arc::new(Flat::new(&other)), instance)];
+            let view = &views()[0].1;
+            let style = Style { shading: Shading::None, ..Style::default() };
+            let name = "wrong on purpose".into();
+            let technique = Technique::default();
+            check(
+                off,
+                &Case { name, instances: &instances, view, technique, style: &style, bound: WEIGHTED, ties: FEW },
+            );
+        });
+    });
+    assert!(wrong.is_err());
+}

@@ -1,0 +1,206 @@
+//! `surfel render` as a user runs it: exit codes, pictures, statistics.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::common::data;
+
+/// A folder of its own, removed if the test passes.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(test: &str) -> Folder {
+        let path = std::env::temp_dir().join(format!("surfel-render-{test}-{}", std::process::id()));
+        fs::create_dir_all(&path).expect("a temporary folder");
+        Folder(path)
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.join(name).to_string_lossy().into_owned()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Small and with the layers on, so that code 0 also says that they were silent.
+fn render(inputs: &[&str], out: &str, more: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_surfel"));
+    command.arg("render").args(inputs).args(["-o", out, "--frames", "2", "--validate"]).args(more);
+    if !more.contains(&"--size") {
+        command.args(["--size", "160x120"]);
+    }
+    command.output().expect("the binary starts")
+}
+
+fn rendered(inputs: &[&str], out: &str, more: &[&str]) -> image::RgbaImage {
+    let output = render(inputs, out, more);
+    assert_eq!(output.status.code(), Some(0), "{inputs:?} {more:?}: {}", stderr(&output));
+    image::open(out).expect("a picture").to_rgba8()
+}
+
+/// Pixels that are not the background's, which is transparent.
+fn covered(picture: &image::RgbaImage) -> usize {
+    picture.pixels().filter(|p| p[3] > 0).count()
+}
+
+fn stats(path: &str) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).expect("statistics")).expect("JSON")
+}
+
+fn count(v: &Value) -> u64 {
+    v.as_u64().unwrap_or_else(|| panic!("{v} is a count"))
+}
+
+fn adds_up(v: &Value) {
+    let culled: u64 = v["culled"].as_object().unwrap().values().map(count).sum();
+    assert_eq!(count(&v["points_submitted"]), count(&v["points_drawn"]) + culled, "{v:#}");
+}
+
+#[test]
+fn the_demo_renders_and_its_statistics_add_up() {
+    let folder = Folder::new("demo");
+    let (out, json) = (folder.path("demo.png"), folder.path("demo.json"));
+    let picture = rendered(&["scene:demo:20k"], &out, &["--stats", &json, "--background", "00000000"]);
+    assert_eq!(picture.dimensions(), (160, 120));
+    assert!(covered(&picture) > 160 * 120 / 8, "{}", covered(&picture));
+    let v = stats(&json);
+    let keys = "assumed blend culled device device_bytes draw_calls driver frame_ms_median gpu_ms_median height passes \
+                peak_rss_bytes points_drawn points_input points_submitted prepare_ms_median skipped structure \
+                validation_messages width";
+    assert_eq!(
+        v.as_object().unwrap().keys().map(String::as_str).collect::<Vec<_>>(),
+        keys.split_whitespace().collect::<Vec<_>>()
+    );
+    adds_up(&v);
+    assert_eq!((&v["points_input"], &v["points_submitted"]), (&20_000.into(), &20_000.into()));
+    assert_eq!((&v["width"], &v["height"], &v["blend"]), (&160.into(), &120.into(), &"two-pass".into()));
+    assert_eq!(v["validation_messages"], 0);
+    assert!(v["frame_ms_median"].as_f64() > Some(0.0) && count(&v["device_bytes"]) > 20_000 * 16);
+    let names: Vec<_> = v["passes"].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["visibility", "accumulate", "composite"]);
+}
+
+#[test]
+fn what_is_outside_is_counted_as_culled() {
+    let folder = Folder::new("outside");
+    let (out, json) = (folder.path("a.png"), folder.path("a.json"));
+    // From the middle of the sphere most of it is behind or beside the viewer.
+    rendered(&["scene:sphere:5k"], &out, &["--orbit", "0,0,0", "--cull", "off", "--stats", &json]);
+    let v = stats(&json);
+    adds_up(&v);
+    assert!(count(&v["culled"]["frustum"]) > 2_500, "{v:#}");
+    rendered(&["scene:sphere:5k"], &out, &["--cull", "on", "--stats", &json]);
+    let v = stats(&json);
+    adds_up(&v);
+    assert!(count(&v["culled"]["cone"]) > 2_000, "{v:#}");
+}
+
+#[test]
+fn every_option_is_taken() {
+    let folder = Folder::new("options");
+    let out = folder.path("a.png");
+    let mut pictures = Vec::new();
+    for more in [
+        "",
+        "--blend opaque",
+        "--primitive quad --ellipse approximate",
+        "--shade none",
+        "--shade phong",
+        "--shade edl",
+        "--edl 2",
+        "--color height",
+        "--color normal",
+        "--color intensity",
+        "--color class",
+        "--radius 0.05",
+        "--radius scale:2",
+        "--radius px:3",
+        "--radius px:3 --shade headlight",
+        "--tolerance 0.5 --threshold 1 --structure flat --warmup 1",
+        "--eye 0,3,3 --target 0,0,0 --up 0,0,1 --fov 60",
+        "--eye 0,0,5 --target 0,0,0",
+        "--orbit -30,90,3 --up -x",
+        "--quiet",
+    ] {
+        let more: Vec<&str> = more.split_whitespace().chain(["--background", "00000000"]).collect();
+        let picture = rendered(&["scene:torus:3k"], &out, &more);
+        assert!(covered(&picture) > 500, "{more:?}: {} pixels", covered(&picture));
+        pictures.push(picture);
+    }
+    assert_ne!(pictures[0], pictures[3], "light is seen");
+    assert_ne!(pictures[0], pictures[7], "heights are seen");
+    assert_eq!(pictures[0], pictures[19], "quiet changes nothing");
+}
+
+#[test]
+fn two_inputs_are_one_picture() {
+    let folder = Folder::new("two");
+    let (out, json) = (folder.path("a.png"), folder.path("a.json"));
+    let pond = data("pond_mvs_normals.ply");
+    // Different kinds stay apart and are drawn in one frame.
+    rendered(&["scene:torus:3k", &pond.to_string_lossy()], &out, &["--stats", &json]);
+    let v = stats(&json);
+    adds_up(&v);
+    assert_eq!(count(&v["points_input"]), 73_051);
+    assert_eq!(count(&v["points_submitted"]), 73_051);
+    rendered(&["scene:sphere:1k", "scene:torus:1k"], &out, &["--stats", &json]);
+    assert_eq!(count(&stats(&json)["points_input"]), 2_000);
+}
+
+#[test]
+fn failures_have_code_one_and_one_line() {
+    let folder = Folder::new("failures");
+    let out = folder.path("a.png");
+    let fails = |inputs: &[&str], more: &[&str], says: &str| {
+        let output = render(inputs, &out, more);
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        assert!(text.lines().count() == 1 && text.starts_with("surfel: ") && text.contains(says), "{text}");
+        assert!(!Path::new(&out).exists(), "no picture where there was an error");
+    };
+    fails(&["scene:torus:99"], &["--device", "no such device"], "no device of that name");
+    fails(&["scene:torus:99"], &["--size", "1000000x1"], "limit");
+    fails(&["scene:torus:99"], &["--size", "4000000000x4000000000"], "memory");
+    fails(&[&data("bad/ply_zero_bytes.ply").to_string_lossy()], &[], "ply_zero_bytes.ply");
+    let left = fs::read_dir(&folder.0).unwrap().count();
+    assert_eq!(left, 0, "nothing was left behind");
+}
+
+#[test]
+fn every_bad_file_ends_soon_in_an_error_or_a_picture() {
+    let folder = Folder::new("bad");
+    let (out, json) = (folder.path("a.png"), folder.path("a.json"));
+    let bad = data("bad/ply_zero_bytes.ply");
+    let mut pictures = 0;
+    for entry in fs::read_dir(bad.parent().unwrap()).unwrap() {
+        let path = entry.unwrap().path();
+        let start = Instant::now();
+        let output = render(&[&path.to_string_lossy()], &out, &["--stats", &json]);
+        // The promise is 5 s for the program; the layers and other tests at the same time may triple that.
+        assert!(start.elapsed() < Duration::from_secs(15), "{} took {:?}", path.display(), start.elapsed());
+        let text = stderr(&output);
+        match output.status.code() {
+            Some(0) => {
+                adds_up(&stats(&json));
+                pictures += 1;
+            }
+            Some(1) => assert_eq!(text.lines().count(), 1, "{text}"),
+            other => panic!("{}: {other:?} {text}", path.display()),
+        }
+    }
+    assert!(pictures >= 10, "{pictures} pictures");
+}
