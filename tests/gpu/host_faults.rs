@@ -83,7 +83,7 @@ fn ledger_memory(engine: &Engine, ledger: &Arc<Mutex<Ledger>>) -> Box<OwnMemory>
 
 #[test]
 fn the_nth_allocation_fails_and_is_repeated() {
-    Engine::with(|engine| {
+    Engine::with_plain_shaders(|engine| {
         let (wanted, none) = life(engine, || engine.host());
         assert!(none.is_empty() && wanted[0].iter().any(|p| *p != wanted[0][0]));
         let mut reached = 0;
@@ -108,7 +108,7 @@ fn the_nth_allocation_fails_and_is_repeated() {
 
 #[test]
 fn the_nth_creating_call_fails_and_is_repeated() {
-    Engine::with(|engine| {
+    Engine::with_plain_shaders(|engine| {
         let device = host_table::wrapped_device(engine);
         let host = || engine.host_with(device.clone(), Box::new(engine.memory()));
         host_table::fail_at(0);
@@ -144,7 +144,7 @@ fn uploads_without_room_wait() {
         let instances = clouds.map(|cloud| Instance { cloud, transform: DMat4::IDENTITY });
         let (view, style) = (camera(0, Lens::Straight, DepthConvention::Reversed, 4.0 / 3.0), Style::default());
         let cmd = engine.command_buffer();
-        let mut frame = |renderer: &mut Renderer| {
+        let frame = |renderer: &mut Renderer| {
             let id = engine.completed() + 1;
             engine.begin(cmd);
             let technique = Technique::default();

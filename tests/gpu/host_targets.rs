@@ -6,6 +6,7 @@
 
 use glam::{DMat4, dvec3};
 use surfel::ash::vk;
+use surfel::readback::Picture;
 use surfel::select::{DepthConvention, View};
 use surfel::style::Style;
 use surfel::technique::Technique;
@@ -222,6 +223,11 @@ fn every_technique_composites_into_a_host_with_depth() {
             let kind = Kind { depth: Depth::Lent, geometry: true, views: 2, ..PLAIN };
             let cameras = [0, 1].map(|side| camera(side, Lens::Straight, DepthConvention::Reversed, 4.0 / 3.0));
             let shots = plain(engine, &cameras, *technique);
+            for (view, rgba) in shots.iter().enumerate() {
+                let [width, height] = PLAIN.extent;
+                let picture = Picture { width, height, rgba: rgba.clone(), depth: None };
+                crate::vulkan::hash(&format!("host.{name}.view{view}"), &picture);
+            }
             println!("{name}");
             show(engine, kind, &cameras, *technique, |t| check(t, &cameras, &shots));
         }
