@@ -231,11 +231,11 @@ pub struct HostDepth {
 pub struct FrameInput<'a> {
     /// The host's counter, from 1: greater than that of every earlier frame.
     pub id: u64,
-    /// Size of the picture [px], at least 1 × 1.
+    /// Size of the picture \[px\], at least 1 × 1.
     pub extent: vk::Extent2D,
-    /// Where in the host's target the picture begins [px].
+    /// Where in the host's target the picture begins \[px\].
     pub offset: vk::Offset2D,
-    /// One view, or as many as the target's mask has bits; at most [`MAX_VIEWS`](crate::MAX_VIEWS).
+    /// One view, or as many as the target's mask has bits; at most [`MAX_VIEWS`].
     pub views: &'a [View],
     /// What is drawn, in this order.
     pub instances: &'a [Instance],

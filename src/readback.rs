@@ -5,9 +5,9 @@ use crate::color::linear_to_srgb;
 /// A picture as the device left it: premultiplied, linear light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// [px]
+    /// \[px\]
     pub width: u32,
-    /// [px]
+    /// \[px\]
     pub height: u32,
     /// Rows from the top, premultiplied RGBA in linear light.
     pub rgba: Vec<[f32; 4]>,

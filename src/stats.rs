@@ -36,7 +36,7 @@ impl Culled {
 pub struct PassTime {
     /// The pass's name, as in its debug label.
     pub name: &'static str,
-    /// Time on the device [ms], from its timestamps.
+    /// Time on the device \[ms\], from its timestamps.
     pub gpu_ms: f64,
 }
 
@@ -66,7 +66,7 @@ pub struct FrameStats {
 }
 
 impl FrameStats {
-    /// Time of all passes [ms].
+    /// Time of all passes \[ms\].
     pub fn gpu_ms(&self) -> f64 {
         self.passes.iter().map(|p| p.gpu_ms).sum()
     }

@@ -22,11 +22,11 @@ pub enum Ellipse {
     Approximate,
 }
 
-/// Depth tolerance ε = max(`absolute`, `relative` · r) [world units]: fragments no more than ε behind the front belong
+/// Depth tolerance ε = max(`absolute`, `relative` · r) \[world units\]: fragments no more than ε behind the front belong
 /// to the same surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
-    /// [world units]
+    /// \[world units\]
     pub absolute: f32,
     /// In units of the splat's radius.
     pub relative: f32,
@@ -80,7 +80,7 @@ impl Shading {
 pub struct EyeDome {
     /// Contrast; 1 is the default.
     pub strength: f32,
-    /// Distance to the eight neighbours [px].
+    /// Distance to the eight neighbours \[px\].
     pub radius: f32,
 }
 
@@ -101,7 +101,7 @@ pub struct Style {
     pub tolerance: Tolerance,
     /// Factor on all radii.
     pub radius_scale: f32,
-    /// Smallest footprint radius ρ [px]: the low-pass.
+    /// Smallest footprint radius ρ \[px\]: the low-pass.
     pub low_pass: f32,
     /// What faces away.
     pub back_faces: BackFaces,

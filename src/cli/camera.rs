@@ -37,7 +37,7 @@ pub struct Lens {
     pub up: DVec3,
     /// Whether the user chose `up`; else another may be taken where it lies along the view.
     pub up_given: bool,
-    /// Vertical angle [rad], if the user chose it.
+    /// Vertical angle \[rad\], if the user chose it.
     pub fov: Option<f64>,
     /// Width / height.
     pub aspect: f64,
@@ -46,7 +46,7 @@ pub struct Lens {
 /// Share of the picture that the default view leaves free on each side.
 const MARGIN: f64 = 0.04;
 
-/// Vertical angle of view [rad] from outside, and from inside, where there is more around.
+/// Vertical angle of view \[rad\] from outside, and from inside, where there is more around.
 const FOV: f64 = 45.0 / 180.0 * std::f64::consts::PI;
 const FOV_INSIDE: f64 = 70.0 / 180.0 * std::f64::consts::PI;
 

@@ -13,9 +13,9 @@ use super::progress::Progress;
 pub struct Account {
     /// Of the counting frame, with the timed frames' number of draw calls.
     pub stats: FrameStats,
-    /// Median time of each pass on the device [ms], in order; empty where the device has no timestamps.
+    /// Median time of each pass on the device \[ms\], in order; empty where the device has no timestamps.
     pub passes: Vec<(&'static str, f64)>,
-    /// Medians over the timed frames [ms].
+    /// Medians over the timed frames \[ms\].
     pub gpu: Option<f64>,
     /// From the start of recording to the device's completion.
     pub frame: Option<f64>,

@@ -9,8 +9,14 @@ use super::memory;
 use super::parse::{Input, MAX_POINTS};
 use super::progress::Progress;
 
-/// Reads one input.
+/// Reads one input, without heaps of copies: a million points at one place would be drawn a million times.
 pub fn read(input: &Input, progress: &Progress) -> Result<PointCloud> {
+    let mut cloud = read_all(input, progress)?;
+    load::thin_copies(&mut cloud);
+    Ok(cloud)
+}
+
+fn read_all(input: &Input, progress: &Progress) -> Result<PointCloud> {
     match input {
         Input::File(path) => {
             let name = path.file_name().unwrap_or_default().to_string_lossy();

@@ -32,7 +32,7 @@ pub struct Orbit {
 pub enum Radius {
     /// By the library's rule.
     Auto,
-    /// This for all [world units].
+    /// This for all \[world units\].
     Value(f32),
     /// A factor on the automatic ones.
     Scale(f32),

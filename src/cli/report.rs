@@ -15,7 +15,7 @@ use super::memory;
 pub struct Report {
     /// What ran it.
     pub device: DeviceInfo,
-    /// [px]
+    /// \[px\]
     pub size: [u32; 2],
     /// How.
     pub technique: Technique,

@@ -86,7 +86,7 @@ impl DeviceCloud {
     /// Bytes that still have to be uploaded.
     pub fn pending(&self) -> u64 {
         let (all, done) = (self.flat.len() as u64, self.resident() as u64);
-        if all == 0 { 0 } else { self.flat.bytes() / all * (all - done) }
+        self.flat.bytes().checked_div(all).unwrap_or(0) * (all - done)
     }
 
     /// Makes the next chunk and the copies that fill it; `None` when everything is there. The staging memory must live

@@ -21,7 +21,7 @@ const FAR_AWAY: f32 = f32::MIN;
 /// Size and content of the attachments, a pure function of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TargetPlan {
-    /// [px]
+    /// \[px\]
     pub extent: vk::Extent2D,
     /// One layer a view.
     pub layers: u32,

@@ -48,21 +48,21 @@ block! {
         depth_map: [f32; 4] = DEPTH_MAP,
         /// Linear light.
         base_color: [f32; 4] = BASE_COLOR,
-        /// [px]
+        /// \[px\]
         viewport: [f32; 2] = VIEWPORT,
-        /// [world units]
+        /// \[world units\]
         near: f32 = NEAR,
         /// Factor from stored to drawn radius.
         radius_scale: f32 = RADIUS_SCALE,
-        /// [world units]
+        /// \[world units\]
         tolerance_absolute: f32 = TOLERANCE_ABSOLUTE,
         /// In radii.
         tolerance_relative: f32 = TOLERANCE_RELATIVE,
-        /// [px]
+        /// \[px\]
         low_pass: f32 = LOW_PASS,
-        /// [px]
+        /// \[px\]
         sprite_limit: f32 = SPRITE_LIMIT,
-        /// [px]
+        /// \[px\]
         pixel_size: f32 = PIXEL_SIZE,
     } pad 3
 }
@@ -92,9 +92,9 @@ block! {
         views: [ViewParams; MAX_VIEWS] = VIEWS,
         /// Direction and exponent.
         light: [f32; 4] = LIGHT,
-        /// [px]
+        /// \[px\]
         offset: [f32; 2] = OFFSET,
-        /// [px]
+        /// \[px\]
         extent: [i32; 2] = EXTENT,
         /// 0 to 1
         ambient: f32 = AMBIENT,
@@ -102,7 +102,7 @@ block! {
         specular: f32 = SPECULAR,
         /// Contrast.
         edl_strength: f32 = EDL_STRENGTH,
-        /// [px]
+        /// \[px\]
         edl_radius: f32 = EDL_RADIUS,
     } pad 0
 }

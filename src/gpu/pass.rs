@@ -57,7 +57,7 @@ pub struct Targets<'a> {
     pub colors: &'a [Attachment],
     /// Depth, and stencil if the format has it.
     pub depth: Option<DepthAttachment>,
-    /// [px]
+    /// \[px\]
     pub extent: vk::Extent2D,
 }
 

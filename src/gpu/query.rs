@@ -69,7 +69,7 @@ impl Timestamps {
         self.used += views;
     }
 
-    /// Names and durations [ms] of the passes, in order, without those that were not timed; call once the frame is
+    /// Names and durations \[ms\] of the passes, in order, without those that were not timed; call once the frame is
     /// complete.
     pub fn read(&self, context: &Context) -> Result<Vec<(&'static str, f64)>> {
         if self.used == 0 {

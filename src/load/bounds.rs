@@ -17,7 +17,7 @@ pub struct Bounds {
     pub robust_max: DVec3,
     /// Centre of the robust box.
     pub center: DVec3,
-    /// Half the robust box's diagonal [world units]; zero for coincident points.
+    /// Half the robust box's diagonal \[world units\]; zero for coincident points.
     pub radius: f64,
 }
 

@@ -7,13 +7,13 @@ use glam::{DVec3, Vec3};
 /// A position in the world is `origin + positions[i]`, the sum taken in f64.
 #[derive(Debug, Clone, Default)]
 pub struct PointCloud {
-    /// World position [world units] that the offsets are relative to.
+    /// World position \[world units\] that the offsets are relative to.
     pub origin: DVec3,
-    /// Offsets from `origin` [world units], all finite.
+    /// Offsets from `origin` \[world units\], all finite.
     pub positions: Vec<Vec3>,
     /// Unit normals; a zero vector says that this point has none and faces the viewer.
     pub normals: Option<Vec<Vec3>>,
-    /// Covering radii [world units]: neighbours of an even sampling lie about this far apart. Finite and > 0.
+    /// Covering radii \[world units\]: neighbours of an even sampling lie about this far apart. Finite and > 0.
     pub radii: Option<Vec<f32>>,
     /// sRGB-encoded colours.
     pub colors: Option<Vec<[u8; 3]>>,
@@ -27,7 +27,7 @@ pub struct PointCloud {
     pub mesh: Option<Mesh>,
     /// Which way is up, where the format says so (LAS: +Z).
     pub up: Option<Vec3>,
-    /// Where the scanner stood [world units], where the file says so.
+    /// Where the scanner stood \[world units\], where the file says so.
     pub viewpoint: Option<DVec3>,
     /// The surface is closed and all normals point out of it: what faces away is always hidden.
     pub closed: bool,

@@ -10,6 +10,7 @@ pub mod attributes;
 mod bounds;
 mod clean;
 mod cloud;
+mod copies;
 #[cfg(feature = "las")]
 mod las;
 mod merge;
@@ -25,6 +26,7 @@ use std::path::Path;
 
 pub use bounds::Bounds;
 pub use cloud::{Mesh, PointCloud, Report};
+pub use copies::{COPIES, thin_copies};
 pub use merge::merge;
 
 use crate::error::{Error, Place, Result};

@@ -174,7 +174,7 @@ pub fn compare(a: &Image, b: &Image, tolerance: f64) -> Result<Difference, Incom
     })
 }
 
-/// Side of the window [px] and the Gaussian's σ.
+/// Side of the window \[px\] and the Gaussian's σ.
 const WINDOW: usize = 11;
 const SIGMA: f64 = 1.5;
 

@@ -10,7 +10,7 @@ use super::splat::{Setup, Shape, Splat};
 pub struct Bound {
     pub min: DVec2,
     pub max: DVec2,
-    /// How far off rounding may be in it [px].
+    /// How far off rounding may be in it \[px\].
     pub error: f64,
 }
 
@@ -36,7 +36,7 @@ pub fn footprint(setup: &Setup, splat: &Splat) -> Option<Bound> {
     meets.then_some(bound)
 }
 
-/// How far off rounding may be in the projected centre and in the outline about it [px]: pixel coordinates by a share of
+/// How far off rounding may be in the projected centre and in the outline about it \[px\]: pixel coordinates by a share of
 /// where they are, eye space by a share of the distance.
 pub fn pixel_error(setup: &Setup, splat: &Splat) -> f64 {
     let camera = &setup.camera;

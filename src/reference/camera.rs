@@ -67,7 +67,7 @@ impl Camera {
         self.view.view.transform_point3(world)
     }
 
-    /// The ray through a place in the picture [px].
+    /// The ray through a place in the picture \[px\].
     ///
     /// With w = s3.w − s3.z z the two equations s·(x, y, −z, 1) = f w are linear in (x, y) and in z.
     pub fn ray(&self, fragment: DVec2) -> Ray {
@@ -83,7 +83,7 @@ impl Camera {
         self.rows[2].dot(p.extend(1.0))
     }
 
-    /// Where an eye-space point appears [px]; only for w > 0.
+    /// Where an eye-space point appears \[px\]; only for w > 0.
     pub fn project(&self, p: DVec3) -> DVec2 {
         let h = p.extend(1.0);
         dvec2(self.rows[0].dot(h), self.rows[1].dot(h)) / self.w(p)

@@ -21,7 +21,7 @@ pub struct Fragment {
     pub sure: bool,
 }
 
-/// Snapping of sprite positions [px]: Vulkan promises at least 4 bits below the pixel, all known devices have 8.
+/// Snapping of sprite positions \[px\]: Vulkan promises at least 4 bits below the pixel, all known devices have 8.
 const SNAP: f64 = 1.0 / 256.0;
 
 /// The splat's fragment at this pixel centre; `None` where it has none and rounding could not make one.

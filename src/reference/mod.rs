@@ -79,7 +79,7 @@ pub struct Picture {
     pub height: u32,
     /// Linear light, premultiplied by the coverage in the fourth component.
     pub rgba: Vec<[f64; 4]>,
-    /// Linear view depth of the front [world units]; infinite where nothing is.
+    /// Linear view depth of the front \[world units\]; infinite where nothing is.
     pub depth: Vec<f64>,
     /// Whether the pixel lies within the rounding margin given to [`render`] of a decision (a rim, a depth or tolerance
     /// comparison, the near plane, a square's border, a splat seen edge-on, or a neighbour of such a pixel with eye-dome

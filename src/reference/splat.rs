@@ -36,7 +36,7 @@ pub struct Splat {
     pub d_epsilon: f64,
     /// Linear depth of the centre.
     pub z: f64,
-    /// Projected centre [px], where the centre is not before the near plane.
+    /// Projected centre \[px\], where the centre is not before the near plane.
     pub screen: Option<DVec2>,
     /// The affine form's direction: the ray through the centre, per unit of linear depth. `None`: exact form.
     pub affine: Option<DVec3>,
@@ -74,7 +74,7 @@ pub struct Setup<'a> {
     starts: Vec<u32>,
     pub camera: Camera,
     pub shape: Shape,
-    /// ρ [px]
+    /// ρ \[px\]
     pub low_pass: f64,
     pub margin: f64,
 }
@@ -193,7 +193,7 @@ impl<'a> Setup<'a> {
 }
 
 impl Setup<'_> {
-    /// Side of the square across the ray at `p` whose image has the area of a pixel [world units].
+    /// Side of the square across the ray at `p` whose image has the area of a pixel \[world units\].
     fn pixel_width(&self, p: DVec3, viewer: DVec3) -> f64 {
         // Central differences over 10⁻⁵ of the distance: error 10⁻¹⁰ from curvature, 10⁻¹⁰ from rounding.
         let step = 1e-5 * p.length().max(1e-300);

@@ -10,7 +10,7 @@ use super::splat::{Fate, Setup, Splat};
 use super::{Counts, Picture, Scene};
 use crate::technique::Blend;
 
-/// Side of a tile [px]: a footprint of 4 px falls into 1.3 tiles on average, and a tile's state stays in the L2 cache.
+/// Side of a tile \[px\]: a footprint of 4 px falls into 1.3 tiles on average, and a tile's state stays in the L2 cache.
 const TILE: u32 = 32;
 
 /// Renders everything but eye-dome lighting.
@@ -175,7 +175,7 @@ struct State {
 struct Tile<'a> {
     setup: &'a Setup<'a>,
     scene: &'a Scene<'a>,
-    /// x0, y0, x1, y1, the last two exclusive [px].
+    /// x0, y0, x1, y1, the last two exclusive \[px\].
     area: [u32; 4],
     pixels: Vec<State>,
 }
@@ -267,7 +267,7 @@ impl<'a> Tile<'a> {
 struct Entry {
     number: u32,
     splat: Splat,
-    /// x0, y0, x1, y1 within the tile, the last two exclusive [px].
+    /// x0, y0, x1, y1 within the tile, the last two exclusive \[px\].
     area: [u32; 4],
 }
 

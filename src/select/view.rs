@@ -1,7 +1,7 @@
 //! A view is two f64 matrices; everything else is derived from them.
 //!
 //! Eye space is right-handed with the viewer looking along −Z. Clip space is Vulkan's: x right, y down, depth 0 to 1.
-//! The linear depth of a point is z = −z_eye [world units], for perspective and orthographic views alike.
+//! The linear depth of a point is z = −z_eye \[world units\], for perspective and orthographic views alike.
 
 use glam::{DMat3, DMat4, DVec3, DVec4, dvec3, dvec4};
 
@@ -56,7 +56,7 @@ impl View {
         View { view: DMat4::from_mat3(rotation) * DMat4::from_translation(-eye), projection, depth }
     }
 
-    /// Perspective with reversed, infinite depth. `fov_y` [rad] is vertical, `aspect` is width / height, `near` [world units] > 0.
+    /// Perspective with reversed, infinite depth. `fov_y` \[rad\] is vertical, `aspect` is width / height, `near` \[world units\] > 0.
     pub fn perspective(fov_y: f64, aspect: f64, near: f64) -> DMat4 {
         let f = 1.0 / (0.5 * fov_y).tan();
         DMat4::from_cols(
@@ -67,7 +67,7 @@ impl View {
         )
     }
 
-    /// Orthographic with reversed depth: `height` [world units] over the picture's height, depths from `near` to `far`.
+    /// Orthographic with reversed depth: `height` \[world units\] over the picture's height, depths from `near` to `far`.
     pub fn orthographic(height: f64, aspect: f64, near: f64, far: f64) -> DMat4 {
         let s = 2.0 / height;
         // z_clip = (far − z) / (far − near), z = −z_eye.
@@ -115,19 +115,19 @@ impl View {
         }
     }
 
-    /// Linear depth [world units] of a depth-buffer value.
+    /// Linear depth \[world units\] of a depth-buffer value.
     pub fn linear_depth(&self, depth: f64) -> f64 {
         let (r2, r3) = (self.projection.row(2), self.projection.row(3));
         // depth = (r2.z z_eye + r2.w) / (r3.z z_eye + r3.w)
         -((r2.w - depth * r3.w) / (depth * r3.z - r2.z))
     }
 
-    /// Linear depth [world units] of the near plane: below it nothing is drawn.
+    /// Linear depth \[world units\] of the near plane: below it nothing is drawn.
     pub fn near(&self) -> f64 {
         self.linear_depth(self.depth.near())
     }
 
-    /// Linear depth [world units] of the far plane; infinite where the projection is.
+    /// Linear depth \[world units\] of the far plane; infinite where the projection is.
     pub fn far(&self) -> f64 {
         let z = self.linear_depth(self.depth.far());
         if z.is_finite() && z > self.near() { z } else { f64::INFINITY }

@@ -27,7 +27,7 @@ struct Push {
 const _: () = assert!(std::mem::offset_of!(Push, size) == spirv::bare_push::SIZE);
 
 /// Draws `points` (x, y, z, any) as squares of `size` px into a picture of `extent`, `frames` times after one to warm
-/// up. Returns the device's time of each frame [ms], from timestamps; empty where the device has none.
+/// up. Returns the device's time of each frame \[ms\], from timestamps; empty where the device has none.
 ///
 /// `clip_from_cloud` must keep all points in front of the eye; at most what one buffer holds.
 pub fn measure(

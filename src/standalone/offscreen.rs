@@ -34,7 +34,7 @@ pub struct Shot<'a> {
     pub count: bool,
 }
 
-/// Times of one frame on the processor's clock [ms].
+/// Times of one frame on the processor's clock \[ms\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameTimes {
     /// From the start of recording to the device's completion.

@@ -49,7 +49,7 @@ pub struct Case {
     pub group: &'static str,
     /// How it ended.
     pub outcome: Outcome,
-    /// Time that it took [s].
+    /// Time that it took \[s\].
     pub seconds: f64,
     /// What the layers said: nothing for a technique that passed, the planted fault for a canary.
     pub messages: Vec<Message>,
@@ -124,7 +124,7 @@ fn plant(settings: &device::Options, canary: &Canary) -> Result<(Outcome, Vec<Me
     Ok((outcome, messages))
 }
 
-/// Sizes of the picture [px]: ordinary, narrow, and smaller than a footprint.
+/// Sizes of the picture \[px\]: ordinary, narrow, and smaller than a footprint.
 const SIZES: [[u32; 2]; 3] = [[96, 72], [33, 80], [1, 1]];
 
 /// A sphere of splats, and what is special about it.

@@ -13,7 +13,7 @@ pub const BLOCK: usize = 1 << 14;
 pub struct Flat {
     /// World position that the centres are relative to.
     pub origin: DVec3,
-    /// Centre relative to `origin` (x, y, z) and covering radius (w) [world units].
+    /// Centre relative to `origin` (x, y, z) and covering radius (w) \[world units\].
     pub geometry: Vec<[f32; 4]>,
     /// [`octahedral`] codes; absent: all face the viewer.
     pub normals: Option<Vec<u32>>,

@@ -20,7 +20,7 @@ use crate::load::Mesh;
 pub(super) struct Vertex {
     /// Angle-weighted unit normal; zero without a face that has an area.
     pub normal: Vec3,
-    /// Covering radius [world units]; 0 without a face that has an edge.
+    /// Covering radius \[world units\]; 0 without a face that has an edge.
     pub radius: f32,
 }
 

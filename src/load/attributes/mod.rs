@@ -25,7 +25,7 @@ pub enum RadiusRule {
     /// The file's, else from the faces' edges, else from the density of the points.
     #[default]
     Auto,
-    /// This for every point [world units], whatever the file says; finite and > 0.
+    /// This for every point \[world units\], whatever the file says; finite and > 0.
     Value(f32),
     /// This times the automatic radius; finite and > 0.
     Scale(f32),
@@ -39,7 +39,7 @@ pub struct Options<'a> {
     /// Neighbours that a normal is fitted to, from 3 to 32; radii always use 8. More is smoother: noise of σ in a
     /// neighbourhood of radius R tilts a normal by about 2 σ / (R √neighbours).
     pub neighbours: usize,
-    /// Where the scanner stood [world units]; overrides the cloud's own.
+    /// Where the scanner stood \[world units\]; overrides the cloud's own.
     pub viewpoint: Option<DVec3>,
     /// Told the share done, 0 to 1, now and then and from any thread; two threads may overtake each other.
     pub progress: Option<&'a (dyn Fn(f32) + Sync)>,

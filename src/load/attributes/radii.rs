@@ -23,7 +23,7 @@ use rayon::prelude::*;
 
 /// Neighbours in the density estimate.
 pub(super) const K: usize = 8;
-/// The radius where there is no distance to derive it from: one point, or all at one place [world units].
+/// The radius where there is no distance to derive it from: one point, or all at one place \[world units\].
 pub(super) const FALLBACK: f32 = 1.0;
 /// A neighbour slot that is not used.
 pub(super) const NO_ONE: u32 = u32::MAX;

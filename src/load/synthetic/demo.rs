@@ -10,7 +10,7 @@ use crate::load::PointCloud;
 
 use std::f64::consts::TAU;
 
-/// Half the plate's side, the tube's radius [world units].
+/// Half the plate's side, the tube's radius \[world units\].
 const HALF: f64 = 6.0;
 const TUBE: f64 = 0.42;
 const RISE: f64 = 2.6;

@@ -6,7 +6,7 @@ use super::rng::{Rng, hash};
 use super::{Builder, Lattice};
 use crate::load::PointCloud;
 
-/// Side [world units].
+/// Side \[world units\].
 const SIDE: f64 = 100.0;
 /// From the lowest to the highest possible point, before the flattening of valleys.
 const HEIGHT: f64 = 30.0;
