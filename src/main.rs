@@ -3,5 +3,7 @@
 mod cli;
 
 fn main() -> std::process::ExitCode {
+    // SAFETY: the process has only this thread yet.
+    unsafe { surfel::standalone::validation::check_across_submits() };
     cli::main()
 }

@@ -8,6 +8,22 @@ use ash::vk;
 /// Name of the layer.
 pub const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
+/// Switches on the search for hazards between submits, which has no switch in the API: only the environment
+/// (`VK_LAYER_ENABLES`, which is added to) or a settings file in the working directory reaches it.
+///
+/// # Safety
+/// No other thread reads or writes the environment meanwhile: call it first in `main`.
+pub unsafe fn check_across_submits() {
+    const NAME: &str = "VK_LAYER_ENABLES";
+    const CHECK: &str = "VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT";
+    let value = std::env::var(NAME).unwrap_or_default();
+    if !value.contains(CHECK) {
+        let separator = if value.is_empty() { "" } else { ":" };
+        // SAFETY: nobody else uses the environment now (a precondition).
+        unsafe { std::env::set_var(NAME, format!("{value}{separator}{CHECK}")) };
+    }
+}
+
 /// Which checks run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Layers {
