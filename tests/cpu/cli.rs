@@ -100,7 +100,7 @@ fn outputs_are_tried_before_anything_is_read() {
 }
 
 #[test]
-fn info_tells_both_boxes_and_the_sphere() {
+fn with_data_info_tells_both_boxes_and_the_sphere() {
     let file = data("pond_mvs_normals.ply");
     let output = surfel(&["info", &file.to_string_lossy(), "--json"]);
     assert!(output.status.success(), "{}", stderr(&output));
@@ -136,7 +136,7 @@ fn a_reader_that_goes_away_is_no_failure() {
 }
 
 #[test]
-fn broken_files_end_in_one_line_or_a_report() {
+fn with_data_broken_files_end_in_one_line_or_a_report() {
     let bad = data("bad/ply_zero_bytes.ply");
     let folder = bad.parent().unwrap();
     let mut seen = 0;

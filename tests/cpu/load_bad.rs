@@ -30,7 +30,7 @@ fn refused(name: &str, place: Place, words: &str) {
 }
 
 #[test]
-fn broken_files_say_where_and_why() {
+fn with_data_broken_files_say_where_and_why() {
     refused("bad/ply_zero_bytes.ply", Place::File, "the file is empty");
     refused("bad/ply_crash_fuzz.ply", Place::Line(7), "inside the header");
     refused("bad/ply_issue623.ply", Place::Line(14), "line of vertex 0");
@@ -39,7 +39,7 @@ fn broken_files_say_where_and_why() {
 }
 
 #[test]
-fn formats_that_are_not_read_are_named() {
+fn with_data_formats_that_are_not_read_are_named() {
     for name in ["obj_malformed.obj", "obj_malformed2.obj"] {
         refused(&format!("bad/{name}"), Place::File, "OBJ is not read yet; surfel reads PLY, LAS and LAZ");
     }
@@ -55,7 +55,7 @@ fn formats_that_are_not_read_are_named() {
 }
 
 #[test]
-fn no_file_and_no_regular_file() {
+fn with_data_no_file_and_no_regular_file() {
     let folder = data("README.md").parent().unwrap().to_owned();
     assert!(matches!(load::open(&folder.join("none.ply"), &Options::default()), Err(Error::Io { .. })));
     let error = load::open(&folder, &Options::default()).unwrap_err().to_string();
@@ -65,7 +65,7 @@ fn no_file_and_no_regular_file() {
 }
 
 #[test]
-fn odd_ply_files_load() {
+fn with_data_odd_ply_files_load() {
     let cloud = open("ply_float_color.ply");
     assert_eq!((cloud.len(), faces(&cloud)), (3, 1));
     assert_eq!(cloud.colors.as_deref(), Some(&[[0, 0, 255]; 3][..]));
@@ -90,7 +90,7 @@ fn odd_ply_files_load() {
 }
 
 #[test]
-fn odd_las_files_load() {
+fn with_data_odd_las_files_load() {
     for (name, points) in [
         ("las_bad_vlr_count.las", 10),
         ("las_bad_geotiff_keys.las", 10),
@@ -106,7 +106,7 @@ fn odd_las_files_load() {
 }
 
 #[test]
-fn withheld_points_are_left_out_and_counted() {
+fn with_data_withheld_points_are_left_out_and_counted() {
     // Random flags: 895 of the 1000 points carry the bit.
     let cloud = open("las_wont_compress.las");
     assert_eq!(cloud.report.dropped, [("points flagged as withheld".to_owned(), 895)]);
@@ -114,7 +114,7 @@ fn withheld_points_are_left_out_and_counted() {
 }
 
 #[test]
-fn a_garbage_count_of_records_costs_nothing() {
+fn with_data_a_garbage_count_of_records_costs_nothing() {
     // The header claims more than three thousand million variable-length records, which nobody walks through; what is
     // wrong in earnest is that the last record is cut.
     let place = Place::Element("point", 718);

@@ -59,7 +59,7 @@ fn assert_box(cloud: &PointCloud, min: [f64; 3], max: [f64; 3], digit: f64) {
 }
 
 #[test]
-fn ply_meshes_have_all_points_and_faces() {
+fn with_data_ply_meshes_have_all_points_and_faces() {
     let dragon = open("stanford_dragon.ply");
     assert_eq!((dragon.len(), faces(&dragon)), (437_645, 871_414));
     assert_eq!(dragon.report.format, "PLY binary little-endian");
@@ -80,7 +80,7 @@ fn ply_meshes_have_all_points_and_faces() {
 }
 
 #[test]
-fn ply_points_with_normals_and_diffuse_colours() {
+fn with_data_ply_points_with_normals_and_diffuse_colours() {
     let pond = open("pond_mvs_normals.ply");
     assert_eq!((pond.len(), faces(&pond)), (70_051, 0));
     assert_box(&pond, [-1.50206, 0.571367, -2.63168], [1.97647, 1.09156, 0.509945], 1e-5);
@@ -89,7 +89,7 @@ fn ply_points_with_normals_and_diffuse_colours() {
 }
 
 #[test]
-fn gaussian_splats_become_disks() {
+fn with_data_gaussian_splats_become_disks() {
     let guitar = open("splat_guitar.ply");
     assert_eq!(guitar.report.points_in_file, 90_854);
     let dropped: u64 = guitar.report.dropped.iter().map(|(_, n)| n).sum();
@@ -108,7 +108,7 @@ fn gaussian_splats_become_disks() {
 }
 
 #[test]
-fn autzen_stadium_is_all_there_with_its_eight_bit_colours() {
+fn with_data_autzen_stadium_is_all_there_with_its_eight_bit_colours() {
     let calls = AtomicU64::new(0);
     let last = AtomicU64::new(0);
     let progress = |done: u64, total: u64| {
@@ -129,7 +129,7 @@ fn autzen_stadium_is_all_there_with_its_eight_bit_colours() {
 }
 
 #[test]
-fn lion_has_sixteen_bit_colours() {
+fn with_data_lion_has_sixteen_bit_colours() {
     let cloud = open("lion_takanawa.laz");
     assert_eq!(cloud.len(), 3_954_696);
     assert_box(&cloud, [-2.348, -4.915, 0.224], [4.051, 3.624, 9.519], 0.0);
@@ -139,7 +139,7 @@ fn lion_has_sixteen_bit_colours() {
 }
 
 #[test]
-fn copc_is_read_in_full_and_utm_coordinates_stay_exact_to_their_scale() {
+fn with_data_copc_is_read_in_full_and_utm_coordinates_stay_exact_to_their_scale() {
     let path = data("lone_star_utm.copc.laz");
     let cloud = open("lone_star_utm.copc.laz");
     assert_eq!(cloud.len(), 518_862);
@@ -169,7 +169,7 @@ fn copc_is_read_in_full_and_utm_coordinates_stay_exact_to_their_scale() {
 }
 
 #[test]
-fn plain_las_with_odd_scales() {
+fn with_data_plain_las_with_odd_scales() {
     let cloud = open("certainty3d_color_feet.las");
     assert_eq!(cloud.len(), 10_126);
     assert_eq!(cloud.report.format, "LAS 1.2 format 3");
@@ -187,7 +187,7 @@ fn plain_las_with_odd_scales() {
 }
 
 #[test]
-fn two_reads_give_the_same_bytes() {
+fn with_data_two_reads_give_the_same_bytes() {
     for name in ["lone_star_utm.copc.laz", "pond_mvs_normals.ply", "splat_guitar.ply", "stanford_bunny_ascii.ply"] {
         let (a, b) = (open(name), open(name));
         assert_eq!((a.origin, &a.positions, &a.normals, &a.colors), (b.origin, &b.positions, &b.normals, &b.colors));

@@ -278,7 +278,7 @@ fn compressed_files_that_lie() {
 }
 
 #[test]
-fn every_cut_of_a_real_file_ends_well() {
+fn with_data_every_cut_of_a_real_file_ends_well() {
     for name in ["las_bad_geotiff_keys.las", "las_bad_vlr_count.las", "las_unregistered_extra_bytes.las"] {
         let bytes = std::fs::read(data(&format!("bad/{name}"))).unwrap();
         for length in 0..bytes.len() {
@@ -288,7 +288,7 @@ fn every_cut_of_a_real_file_ends_well() {
 }
 
 #[test]
-fn damaged_streams_end_in_an_error_or_in_points_never_in_a_panic() {
+fn with_data_damaged_streams_end_in_an_error_or_in_points_never_in_a_panic() {
     let bytes = std::fs::read(data("lone_star_utm.copc.laz")).unwrap();
     // The first chunks alone would do, but the table is at the end: damage bytes here and there.
     for k in 0..6 {

@@ -147,7 +147,7 @@ fn every_option_is_taken() {
 }
 
 #[test]
-fn two_inputs_are_one_picture() {
+fn with_data_two_inputs_are_one_picture() {
     let folder = Folder::new("two");
     let (out, json) = (folder.path("a.png"), folder.path("a.json"));
     let pond = data("pond_mvs_normals.ply");
@@ -162,7 +162,7 @@ fn two_inputs_are_one_picture() {
 }
 
 #[test]
-fn failures_have_code_one_and_one_line() {
+fn with_data_failures_have_code_one_and_one_line() {
     let folder = Folder::new("failures");
     let out = folder.path("a.png");
     let fails = |inputs: &[&str], more: &[&str], says: &str| {
@@ -181,7 +181,7 @@ fn failures_have_code_one_and_one_line() {
 }
 
 #[test]
-fn every_bad_file_ends_soon_in_an_error_or_a_picture() {
+fn with_data_every_bad_file_ends_soon_in_an_error_or_a_picture() {
     let folder = Folder::new("bad");
     let (out, json) = (folder.path("a.png"), folder.path("a.json"));
     let bad = data("bad/ply_zero_bytes.ply");
