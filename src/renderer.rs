@@ -9,7 +9,7 @@ use ash::vk;
 
 use crate::composite::{Composite, resolve};
 use crate::draw::cloud::DeviceCloud;
-use crate::draw::large::may_hold_large;
+use crate::draw::large::{may_hold_large, whole_in_front};
 use crate::draw::params::{Camera, frame_params, scale};
 use crate::draw::plan::{CloudTraits, FramePlan};
 use crate::draw::slot::{PARAMS_STRIDE, Slot};
@@ -175,7 +175,13 @@ impl Renderer {
     /// - The views are as [`View`](crate::select::View) demands; their number is that of the target's view mask, or 1.
     pub unsafe fn prepare(&mut self, cmd: vk::CommandBuffer, input: &FrameInput) -> Result<()> {
         debug_assert!(input.id > self.newest, "frame ids grow");
-        debug_assert_eq!(input.views.len(), (self.formats.view_mask.count_ones() as usize).max(1), "a view a bit");
+        let views = (self.formats.view_mask.count_ones() as usize).max(1);
+        if input.views.len() != views {
+            return Err(Error::Unsupported(format!("{} views: the target has {views}", input.views.len())));
+        }
+        if let Some(i) = input.instances.iter().find(|i| !self.clouds.contains_key(&i.cloud)) {
+            return Err(Error::Unsupported(format!("an instance of a cloud that is not there: {:?}", i.cloud)));
+        }
         debug_assert!(input.views.iter().all(|v| v.depth == input.views[0].depth), "one depth convention a target");
         self.current = None;
         let mut stats = FrameStats { frame: input.id, ..FrameStats::default() };
@@ -187,7 +193,7 @@ impl Renderer {
             &traits,
             self.formats.depth.is_some(),
             input.host_depth.is_some(),
-            self.context.enabled.large_points,
+            if self.context.enabled.large_points { self.context.limits.point_size_range[1] } else { 1.0 },
         );
         stats.skipped.clone_from(&plan.skipped);
         self.ensure_targets(input, &plan)?;
@@ -214,6 +220,9 @@ impl Renderer {
                     sprite_limit.min(3e38) as f32,
                 );
                 let (matrix, _) = camera.eye_from_cloud(&instance.transform, flat.origin);
+                let radius_scale = input.style.radius_scale as f64 * scale(&instance.transform);
+                let mut cloud_traits = *cloud_traits;
+                cloud_traits.closed &= whole_in_front(&flat.blocks, camera, &matrix, radius_scale);
                 // A point of a given size is a sprite or, with quads, a quad: never cast.
                 let may_be_large = |b: &&crate::structure::flat::Block| {
                     !plan.pixels
@@ -221,7 +230,7 @@ impl Renderer {
                             b,
                             camera,
                             &matrix,
-                            input.style.radius_scale as f64 * scale(&instance.transform),
+                            radius_scale,
                             input.style.low_pass as f64,
                             input.extent,
                             sprite_limit,
@@ -234,7 +243,7 @@ impl Renderer {
                     .map(|(i, _)| i)
                     .collect();
                 let variant =
-                    |large| Variant::new(Role::Visibility, &plan, input.style, cloud_traits, &targets_plan, large);
+                    |large| Variant::new(Role::Visibility, &plan, input.style, &cloud_traits, &targets_plan, large);
                 draws.push(Draw {
                     cloud: i,
                     params: (params.len() as u64 * PARAMS_STRIDE) as u32,
@@ -379,7 +388,11 @@ impl Renderer {
         for slot in self.slots.iter_mut().filter(|s| s.frame <= self.completed) {
             let Some(mut stats) = slot.stats.take() else { continue };
             if let Some(timestamps) = &slot.timestamps {
-                let times = timestamps.read(&self.context)?;
+                // A frame without times is still a frame; only a lost device is worth an error.
+                let times = match timestamps.read(&self.context) {
+                    Err(Error::DeviceLost) => return Err(Error::DeviceLost),
+                    other => other.unwrap_or_default(),
+                };
                 stats.passes = times.into_iter().map(|(name, gpu_ms)| PassTime { name, gpu_ms }).collect();
             }
             if slot.counted {

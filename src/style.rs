@@ -22,7 +22,7 @@ pub enum Ellipse {
     Approximate,
 }
 
-/// Depth tolerance ε = max(`absolute`, `relative` · r) \[world units\]: fragments no more than ε behind the front belong
+/// Depth tolerance ε = max(`absolute`, `relative` · max(r, what the low-pass spreads the splat over in depth)) \[world units\]: fragments no more than ε behind the front belong
 /// to the same surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
@@ -35,7 +35,7 @@ pub struct Tolerance {
 /// What is done with splats that face away from the viewer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum BackFaces {
-    /// Dropped where the cloud says that it is closed, else drawn.
+    /// Dropped where the cloud says that it is closed and all of it lies beyond the near plane, else drawn.
     Auto,
     /// Always drawn, lit from the viewer's side.
     Draw,

@@ -70,7 +70,12 @@ void main() {
     bool solid = SOLID || texelFetch(hidden, ivec3(at, view), 0).x != 0u;
     float alpha = solid ? 1.0 : min(1.0, 2.0 * sum.a);
     out_color = vec4(c * alpha, alpha);
-    gl_FragDepth = WRITE_DEPTH
+    float depth = WRITE_DEPTH
         ? (p.host_depth.x * z + p.host_depth.y) / (p.host_depth.z * z + p.host_depth.w)
         : gl_FragCoord.z;
+    // Beyond a finite far plane the host draws nothing.
+    if (depth < 0.0 || depth > 1.0) {
+        discard;
+    }
+    gl_FragDepth = depth;
 }

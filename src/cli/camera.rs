@@ -114,7 +114,7 @@ pub fn view(pose: Pose, subject: &Subject, lens: &Lens) -> (View, Vec<String>) {
         Pose::Default => default_pose(subject, lens, &mut fov, &mut said),
     };
     let projection = View::perspective(fov, lens.aspect, near(subject, eye));
-    (View::look_at(eye, eye - back, up, projection, DepthConvention::Reversed), said)
+    (View::facing(eye, back, up, projection, DepthConvention::Reversed), said)
 }
 
 /// The bounding radius, or what stands for it where all points are at one place.

@@ -101,6 +101,9 @@ pub fn sentences(clouds: &[PointCloud]) -> Vec<String> {
             }
         }
     }
+    if clouds.iter().any(|c| c.opacity.is_some()) {
+        all.push("opacity is not used: every point is drawn solid".into());
+    }
     all
 }
 

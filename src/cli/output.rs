@@ -16,6 +16,12 @@ fn beside(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{name}.{}.tmp", std::process::id()))
 }
 
+/// The folder, links resolved, and the name in it.
+pub fn place(path: &Path) -> Option<(PathBuf, std::ffi::OsString)> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Some((folder.canonicalize().ok()?, path.file_name()?.to_owned()))
+}
+
 /// Pipes and devices are written straight: they cannot be replaced.
 fn special(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir())
@@ -27,7 +33,8 @@ pub fn check(path: &Path) -> Result<()> {
     if path.file_name().is_none() || path.is_dir() {
         bail!("{}: cannot be written: it is a directory", path.display());
     }
-    if path.exists() {
+    // Opening a pipe would wait for its reader.
+    if path.exists() && !special(path) {
         OpenOptions::new().write(true).open(path).with_context(|| format!("{}: cannot be written", name()))?;
     }
     if !special(path) {

@@ -54,7 +54,7 @@ pub fn input(text: OsString) -> Result<Input, String> {
         let names = SCENES.map(|(n, _)| n).join(", ");
         return Err(format!("there is no scene {name:?}; there are {names}"));
     }
-    // A hundred points at each of ten places already say all there is to see.
+    // A hundred points at each of ten places already say all there is to see: eight of each are drawn.
     let usual = if name == "coincident" { 1000 } else { DEMO_POINTS };
     let points = parts.next().map_or(Ok(usual), count)?;
     let seed = match parts.next() {

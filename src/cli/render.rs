@@ -38,19 +38,25 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     output::check(&args.output)?;
     if let Some(path) = &args.stats {
         output::check(path)?;
+        if output::place(path) == output::place(&args.output) {
+            bail!("{}: picture and statistics cannot be one file", path.display());
+        }
     }
     readable(args)?;
 
     let layers = if args.validate { Layers::CORE_SYNC } else { Layers::default() };
     let standalone = Standalone::new(&Options { device: args.device.clone(), layers, ..Default::default() })?;
+    let lacking = standalone.lacking(layers);
+    if !lacking.is_empty() {
+        bail!("--validate: checks that the layers do not switch on: {}", lacking.join(", "));
+    }
     let device = standalone.info.clone();
     let [width, height] = args.size;
     fits(&device, args.size)?;
     let mut offscreen = Offscreen::new(standalone, vk::Extent2D { width, height }, false)?;
     let done = picture(args, pose, technique, device, &mut offscreen);
     // Whatever happened: destroyed in order, so that the layers can tell what was left alive.
-    let standalone = offscreen.destroy();
-    let messages = standalone.take_messages();
+    let messages = offscreen.destroy().close();
     for message in &messages {
         // Nothing is left to do where stderr is closed.
         let _ = writeln!(io::stderr(), "validation: {}: {}", message.id, message.text);
@@ -98,6 +104,8 @@ fn picture(
     device: DeviceInfo,
     offscreen: &mut Offscreen,
 ) -> Result<Report> {
+    // A quarter of a gibibyte a frame: what is staged does not double the memory of large clouds.
+    offscreen.renderer.upload_budget = 256 << 20;
     let progress = Progress::new(args.quiet);
     let scene = Scene::load(args, pose, &progress)?;
     let Scene { flats, view, style, points_input, assumed } = scene;

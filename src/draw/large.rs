@@ -6,7 +6,7 @@
 //! the grown box reaches.
 
 use ash::vk;
-use glam::{DMat4, DVec4, dvec3};
+use glam::{DMat4, DVec3, DVec4, dvec3};
 
 use super::params::Camera;
 use crate::structure::flat::Block;
@@ -15,6 +15,23 @@ use crate::structure::flat::Block;
 /// quarter is the sprite's margin in `glsl/shared/splat.glsl`.
 fn fits_any(extent: vk::Extent2D, sprite_limit: f64) -> bool {
     extent.width.max(extent.height) as f64 + 0.25 <= sprite_limit
+}
+
+/// Eye-space box of a block's splats: its centres' box, grown by `r`.
+fn eye_box(block: &Block, eye_from_cloud: &DMat4, r: f64) -> (DVec3, DVec3) {
+    let (min, max) = (block.min.as_dvec3(), block.max.as_dvec3());
+    let corners = (0..8).map(|i| {
+        let pick = |bit: usize, a: f64, b: f64| if i >> bit & 1 == 0 { a } else { b };
+        eye_from_cloud.transform_point3(dvec3(pick(0, min.x, max.x), pick(1, min.y, max.y), pick(2, min.z, max.z)))
+    });
+    let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), c| (l.min(c), h.max(c)));
+    (low - r, high + r)
+}
+
+/// Whether all of a cloud lies beyond the near plane: only then is what faces away from the eye hidden by a closed
+/// surface, since the eye is outside it and the near plane opens it nowhere.
+pub fn whole_in_front(blocks: &[Block], camera: &Camera, eye_from_cloud: &DMat4, radius_scale: f64) -> bool {
+    blocks.iter().all(|b| -eye_box(b, eye_from_cloud, b.radius as f64 * radius_scale).1.z >= camera.near)
 }
 
 /// Whether a block may hold such a splat. `radius_scale` takes stored to drawn radii.
@@ -28,15 +45,7 @@ pub fn may_hold_large(
     sprite_limit: f64,
 ) -> bool {
     let r = block.radius as f64 * radius_scale;
-    // Eye-space box of the block's corners, grown by the radius.
-    let (min, max) = (block.min.as_dvec3(), block.max.as_dvec3());
-    let corners = (0..8).map(|i| {
-        let pick = |bit: usize, a: f64, b: f64| if i >> bit & 1 == 0 { a } else { b };
-        eye_from_cloud.transform_point3(dvec3(pick(0, min.x, max.x), pick(1, min.y, max.y), pick(2, min.z, max.z)))
-    });
-    let (low, high) =
-        corners.fold((glam::DVec3::INFINITY, glam::DVec3::NEG_INFINITY), |(l, h), c| (l.min(c), h.max(c)));
-    let (low, high) = (low - r, high + r);
+    let (low, high) = eye_box(block, eye_from_cloud, r);
     let (nearest, farthest) = (-high.z, -low.z);
     if farthest < camera.near {
         return false;

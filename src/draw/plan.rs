@@ -33,14 +33,15 @@ pub struct FramePlan {
 }
 
 impl FramePlan {
-    /// Decides for one frame. `depth_target`: the host's pass has a depth attachment.
+    /// Decides for one frame. `depth_target`: the host's pass has a depth attachment. `sprite_limit`: largest point
+    /// size \[px\], 1 where `largePoints` is not enabled.
     pub fn new(
         technique: &Technique,
         style: &Style,
         clouds: &[CloudTraits],
         depth_target: bool,
         host_depth: bool,
-        large_points: bool,
+        sprite_limit: f32,
     ) -> FramePlan {
         let mut skipped = Vec::new();
         let mut skip = |stage, reason| skipped.push(Skip { stage, reason });
@@ -75,9 +76,16 @@ impl FramePlan {
         if !clouds.iter().any(|c| c.colors) {
             skip("colours", "no cloud has colours: the base colour is used");
         }
-        let quads = technique.primitive == Primitive::Quad || !large_points;
+        // With the margin of glsl/shared/splat.glsl.
+        let too_wide = matches!(style.footprint, Footprint::Pixels(side) if opaque && side + 0.25 > sprite_limit);
+        let quads = technique.primitive == Primitive::Quad || sprite_limit <= 1.0 || too_wide;
         if quads && technique.primitive == Primitive::Point {
-            skip("point sprites", "largePoints is not enabled: quads are drawn");
+            let reason = if too_wide {
+                "wider than the largest point: quads are drawn"
+            } else {
+                "largePoints is not enabled: quads are drawn"
+            };
+            skip("point sprites", reason);
         }
         FramePlan { lit, front, quads, disc: opaque && !pixels, pixels, skipped }
     }
@@ -105,7 +113,7 @@ mod tests {
     const SCAN: CloudTraits = CloudTraits { normals: true, colors: true, closed: false };
 
     fn plan(style: &Style, clouds: &[CloudTraits], depth: bool) -> FramePlan {
-        FramePlan::new(&Technique::default(), style, clouds, depth, false, true)
+        FramePlan::new(&Technique::default(), style, clouds, depth, false, 255.0)
     }
 
     fn skips(plan: &FramePlan, stage: &str) -> bool {
@@ -116,7 +124,7 @@ mod tests {
     fn every_skip_has_its_scene() {
         let style = Style::default();
         let full = Style { eye_dome: Some(Default::default()), ..style };
-        let all = FramePlan::new(&Technique::default(), &full, &[SCAN], true, true, true);
+        let all = FramePlan::new(&Technique::default(), &full, &[SCAN], true, true, 255.0);
         assert_eq!(all.skipped, [], "this scene needs everything");
         assert!(all.lit && all.front && !all.quads);
 
@@ -127,8 +135,8 @@ mod tests {
         assert!(skips(&plan(&style, &[CloudTraits { colors: false, ..SCAN }], true), "colours"));
         assert!(skips(&plan(&style, &[], true), "normals"));
         let opaque = Technique { blend: Blend::Opaque, ..Default::default() };
-        assert!(skips(&FramePlan::new(&opaque, &style, &[SCAN], true, true, true), "visibility"));
-        let small = FramePlan::new(&Technique::default(), &style, &[SCAN], true, true, false);
+        assert!(skips(&FramePlan::new(&opaque, &style, &[SCAN], true, true, 255.0), "visibility"));
+        let small = FramePlan::new(&Technique::default(), &style, &[SCAN], true, true, 1.0);
         assert!(small.quads && skips(&small, "point sprites"));
     }
 

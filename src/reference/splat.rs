@@ -64,6 +64,8 @@ struct Object<'a> {
     /// Eye from cloud without translation.
     linear: DMat3,
     scale: f64,
+    /// All of it lies beyond the near plane, so a closed surface is seen from outside and whole.
+    in_front: bool,
 }
 
 /// The frame's constants.
@@ -87,12 +89,17 @@ impl<'a> Setup<'a> {
             .iter()
             .map(|i| {
                 let linear = DMat3::from_mat4(i.transform);
-                Object {
-                    flat: i.flat,
-                    origin: camera.eye(i.transform.transform_point3(i.flat.origin)),
-                    linear: camera.rotation * linear,
-                    scale: linear.determinant().abs().cbrt(),
-                }
+                let origin = camera.eye(i.transform.transform_point3(i.flat.origin));
+                let scale = linear.determinant().abs().cbrt();
+                let linear = camera.rotation * linear;
+                let in_front = i.flat.blocks.iter().all(|b| {
+                    let reach = b.radius as f64 * scene.style.radius_scale as f64 * scale;
+                    (0..8).all(|corner| {
+                        let pick = |axis: usize| if corner >> axis & 1 == 0 { b.min[axis] } else { b.max[axis] } as f64;
+                        -(origin + linear * DVec3::new(pick(0), pick(1), pick(2))).z - reach >= camera.near
+                    })
+                });
+                Object { flat: i.flat, origin, linear, scale, in_front }
             })
             .collect();
         let mut starts = vec![0u32];
@@ -136,7 +143,7 @@ impl<'a> Setup<'a> {
             n = (object.linear * normal).normalize();
             let facing = n.dot(viewer);
             let cull = match style.back_faces {
-                BackFaces::Auto => object.flat.closed,
+                BackFaces::Auto => object.flat.closed && object.in_front,
                 BackFaces::Draw => false,
                 BackFaces::Cull => true,
             };

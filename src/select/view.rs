@@ -50,7 +50,14 @@ impl View {
     ///
     /// The three must not be collinear; `eye` ≠ `target`.
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3, projection: DMat4, depth: DepthConvention) -> View {
-        let back = (eye - target).normalize();
+        View::facing(eye, (eye - target).normalize(), up, projection, depth)
+    }
+
+    /// A view from `eye` against the unit vector `back`, `up` upwards: exact wherever the eye is, while the difference of
+    /// two far points is not.
+    ///
+    /// `back` and `up` must not be collinear.
+    pub fn facing(eye: DVec3, back: DVec3, up: DVec3, projection: DMat4, depth: DepthConvention) -> View {
         let right = up.cross(back).normalize();
         let rotation = DMat3::from_cols(right, back.cross(right), back).transpose();
         View { view: DMat4::from_mat3(rotation) * DMat4::from_translation(-eye), projection, depth }

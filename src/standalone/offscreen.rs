@@ -74,6 +74,7 @@ impl Offscreen {
             standalone.host().memory,
         );
         let limit = context.limits.max_framebuffer_width.min(context.limits.max_framebuffer_height);
+        let limit = limit.min(context.limits.max_image_dimension2_d);
         if extent.width.max(extent.height) > limit {
             let vk::Extent2D { width, height } = extent;
             let what = format!("a picture of {width}x{height}: this device's limit is {limit} a side");

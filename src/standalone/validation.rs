@@ -50,6 +50,9 @@ impl Layers {
                 other => return Err(format!("unknown layer check {other:?}: core, sync, gpu-av")),
             }
         }
+        if !layers.any() {
+            return Err("no layer check named: core, sync, gpu-av".into());
+        }
         Ok(layers)
     }
 

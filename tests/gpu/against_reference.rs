@@ -345,5 +345,7 @@ fn the_reference_would_notice() {
             );
         });
     });
-    assert!(wrong.is_err());
+    let said = wrong.expect_err("the comparison must fail");
+    let said = said.downcast_ref::<String>().expect("a message");
+    assert!(said.contains("wrong on purpose, pixel") && said.contains("is not"), "{said}");
 }

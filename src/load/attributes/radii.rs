@@ -101,7 +101,7 @@ pub(super) trait Spaced: Sync {
     fn near(&self) -> &[u32; K];
 }
 
-/// Guards 2 and 3 over all points: the final radii, finite and > 0.
+/// Guards 3 and 4 over all points: the final radii, finite and > 0.
 pub(super) fn guarded<T: Spaced>(points: &[T]) -> Vec<f32> {
     let mut sorted: Vec<f32> = points.par_iter().map(Spaced::radius).filter(|r| *r > 0.0).collect();
     if sorted.is_empty() {
