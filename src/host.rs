@@ -7,6 +7,7 @@ use glam::DMat4;
 
 use crate::draw::targets;
 use crate::error::{Error, Result};
+pub use crate::gpu::Enabled;
 use crate::gpu::GpuMemory;
 use crate::gpu::layout::MAX_VIEWS;
 use crate::select::View;
@@ -111,17 +112,6 @@ impl fmt::Display for Requirement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} (disables {})", self.name, self.disables)
     }
-}
-
-/// What the host really enabled: nothing else is used, whatever the device could do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Enabled {
-    /// Feature `largePoints`.
-    pub large_points: bool,
-    /// The queue family of the command buffers has timestamps.
-    pub timestamps: bool,
-    /// Instance extension `VK_EXT_debug_utils`.
-    pub debug_utils: bool,
 }
 
 /// What the host lends. All of it outlives the renderer, and stays the host's to destroy.

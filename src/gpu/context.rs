@@ -5,7 +5,17 @@ use std::ffi::CString;
 use ash::{ext, vk};
 
 use super::memory::GpuMemory;
-use crate::host::Enabled;
+
+/// What the host really enabled: nothing else is used, whatever the device could do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Enabled {
+    /// Feature `largePoints`.
+    pub large_points: bool,
+    /// The queue family of the command buffers has timestamps.
+    pub timestamps: bool,
+    /// Instance extension `VK_EXT_debug_utils`.
+    pub debug_utils: bool,
+}
 
 /// Device, what it can do, and where its memory comes from.
 pub struct Context {

@@ -13,5 +13,5 @@ pub mod retire;
 pub mod spirv;
 pub mod upload;
 
-pub use context::Context;
+pub use context::{Context, Enabled};
 pub use memory::{GpuMemory, Location, Memory, MemoryRequest, SharedAllocator};

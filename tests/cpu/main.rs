@@ -4,6 +4,7 @@ mod cli;
 #[path = "../common/mod.rs"]
 mod common;
 
+mod arrows;
 mod attributes_degenerate;
 mod attributes_mesh;
 mod attributes_neighbours;
