@@ -8,7 +8,6 @@ use glam::Mat4;
 use super::device::Standalone;
 use crate::draw::targets::SUMS;
 use crate::error::Result;
-use crate::gpu::Context;
 use crate::gpu::barrier::Access;
 use crate::gpu::memory::Location;
 use crate::gpu::pass::{Attachment, Recorder, Targets, Use};
@@ -38,14 +37,7 @@ pub fn measure(
     extent: vk::Extent2D,
     frames: usize,
 ) -> Result<Vec<f64>> {
-    let mut context = Context::new(
-        &standalone.instance,
-        standalone.physical_device,
-        standalone.device.clone(),
-        standalone.enabled,
-        vk::PipelineCache::null(),
-        standalone.host().memory,
-    );
+    let mut context = standalone.context();
     let Some(mut timestamps) = Timestamps::new(&context)? else { return Ok(Vec::new()) };
     let data: &[u8] = bytemuck::cast_slice(points);
     let usage = vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;

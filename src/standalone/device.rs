@@ -8,7 +8,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::validation::{LAYER, Layers, Listener, Message};
 use crate::error::{Error, Named, Result};
-use crate::gpu::SharedAllocator;
+use crate::gpu::{Context, SharedAllocator};
 use crate::host::{Enabled, Host, Requirements};
 
 /// What kind of device is wanted.
@@ -210,6 +210,12 @@ impl Standalone {
             memory: Box::new(SharedAllocator::new(Arc::clone(allocator))),
             pipeline_cache: vk::PipelineCache::null(),
         }
+    }
+
+    /// The device as `gpu` sees it, for targets of our own.
+    pub(super) fn context(&self) -> Context {
+        let host = self.host();
+        Context::new(&host.instance, host.physical_device, host.device, host.enabled, host.pipeline_cache, host.memory)
     }
 
     /// Warnings and errors of the layers so far.

@@ -65,14 +65,7 @@ impl Offscreen {
     /// A target of `extent` pixels, at least 1 × 1. `depth`: the front's depth is wanted too.
     pub fn new(standalone: Standalone, extent: vk::Extent2D, depth: bool) -> Result<Offscreen> {
         let host = standalone.host();
-        let mut context = Context::new(
-            &standalone.instance,
-            standalone.physical_device,
-            standalone.device.clone(),
-            standalone.enabled,
-            vk::PipelineCache::null(),
-            standalone.host().memory,
-        );
+        let mut context = standalone.context();
         let limit = context.limits.max_framebuffer_width.min(context.limits.max_framebuffer_height);
         let limit = limit.min(context.limits.max_image_dimension2_d);
         if extent.width.max(extent.height) > limit {
