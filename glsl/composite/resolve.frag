@@ -52,9 +52,9 @@ void main() {
     if (SHADE != SHADE_NONE) {
         vec3 ray = p.ray_0.xyz + p.ray_x.xyz * pixel.x + p.ray_y.xyz * pixel.y;
         vec3 v = p.depth_map.z != 0.0 ? -normalize(ray) : normalize(p.eye.xyz);
-        vec3 n = texelFetch(surface, ivec3(at, view), 0).xyz;
-        float length_n = length(n);
-        c = shade(SHADE, c, length_n > 0.0 ? n / length_n : v, v);
+        vec3 n = texelFetch(surface, ivec3(at, view), 0).xyz / sum.a;
+        float agreement = length(n);
+        c = shade(SHADE, c, agreement > 0.0 ? n / agreement : v, agreement, v);
     }
     float z = 0.0;
     if (EYE_DOME || WRITE_DEPTH) {

@@ -14,7 +14,7 @@ void emit_attributes(Splat s, uint color) {
     v_centre = vec4(s.pixel, s.depth, s.radius);
     v_plane = LARGE ? vec4(s.normal, s.epsilon) : vec4(s.slope, s.perspective, s.epsilon);
     v_color = HAS_COLOR ? linear_from_srgb(unpackUnorm4x8(color).rgb) : params.base_color.rgb;
-    v_normal = s.lit;
+    v_normal = s.normal;
 }
 
 vec4 clip_position(vec2 pixel, float z) {

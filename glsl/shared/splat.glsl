@@ -21,7 +21,6 @@ struct Splat {
     uint status;
     vec3 centre;    // eye space
     vec3 normal;    // eye space, unit, towards the viewer
-    vec3 lit;       // eye space, unit: what is averaged for light
     float radius;   // [world units]
     float epsilon;  // depth tolerance [world units]
     float depth;    // linear
@@ -87,7 +86,6 @@ Splat project(vec4 geometry, uint normal_code) {
     s.centre = (params.eye_from_cloud * vec4(geometry.xyz, 1.0)).xyz;
     s.depth = -s.centre.z;
     s.normal = vec3(0.0, 0.0, 1.0);
-    s.lit = s.normal;
     s.pixel = vec2(-1e15);
     s.inverse = vec4(0.0);
     s.slope = vec2(0.0);
@@ -102,14 +100,9 @@ Splat project(vec4 geometry, uint normal_code) {
     bool perspective = is_perspective();
     vec3 v = normalize(perspective ? s.centre - params.eye.xyz : -params.eye.xyz);
     s.normal = -v;
-    s.lit = -v;
     if (HAS_NORMAL && normal_code != NO_NORMAL) {
         s.normal = normalize(mat3(params.eye_from_cloud) * octahedral(normal_code));
-        float away = dot(s.normal, v);
-        // Just behind a silhouette a normal keeps its side: turned, it would cancel its neighbours' sideways part and
-        // light the rim. What clearly faces away (15° and more) is seen from behind.
-        s.lit = away > 0.25 ? -s.normal : s.normal;
-        if (away > 0.0) {
+        if (dot(s.normal, v) > 0.0) {
             if (CULL_BACK) {
                 s.status = BACK_FACE;
                 return s;

@@ -9,21 +9,23 @@ use crate::style::{EyeDome, Shading};
 /// Depths below this count as this in eye-dome lighting's logarithms: orthographic views may have any depth.
 const TINY: f64 = 1e-30;
 
-/// Colour of a surface with linear colour `c` and eye-space normal sum `n` (any length; zero faces the viewer) on `ray`,
-/// and whether rounding decides whether there is a highlight.
+/// Colour of a surface with linear colour `c` and eye-space mean normal `n` on `ray`, and whether rounding decides whether
+/// there is a highlight. The mean's length, at most 1, scales what light comes from a direction: where normals disagree, at
+/// silhouettes and in leaves, that is the mean of the splats' own diffuse light.
 pub fn light(shading: &Shading, c: DVec3, n: DVec3, ray: &Ray, margin: f64) -> (DVec3, bool) {
     let v = -ray.direction / ray.length;
+    let agreement = n.length();
     let n = n.try_normalize().unwrap_or(v);
     let (lit, tie) = match *shading {
         Shading::None => (c, false),
-        Shading::Headlight { ambient } => (c * diffuse(ambient, n.dot(v)), false),
+        Shading::Headlight { ambient } => (c * diffuse(ambient, agreement * n.dot(v)), false),
         Shading::Phong { light, ambient, specular, shininess } => {
             let l = light.as_dvec3().normalize_or_zero();
             let cosine = n.dot(l);
-            let mut lit = c * diffuse(ambient, cosine);
+            let mut lit = c * diffuse(ambient, agreement * cosine);
             if cosine > 0.0 {
                 let mirrored = 2.0 * cosine * n - l;
-                lit += specular as f64 * mirrored.dot(v).max(0.0).powf(shininess as f64);
+                lit += agreement * specular as f64 * mirrored.dot(v).max(0.0).powf(shininess as f64);
             }
             // Where the light grazes, the highlight sets in with a step.
             (lit, specular > 0.0 && cosine.abs() < 2.0 * margin)

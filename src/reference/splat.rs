@@ -25,9 +25,6 @@ pub struct Splat {
     pub p: DVec3,
     /// Unit normal on the viewer's side.
     pub n: DVec3,
-    /// Unit normal that is averaged for light: turned only where it faces away by more than asin ¼ (15°), so that the
-    /// two sides of a silhouette do not cancel.
-    pub lit: DVec3,
     /// Radius of the footprint.
     pub r: f64,
     /// Depth tolerance ε.
@@ -138,7 +135,7 @@ impl<'a> Setup<'a> {
 
         let viewer = self.camera.towards_viewer(p);
         let code = object.flat.normals.as_ref().map_or(octahedral::NONE, |n| n[index]);
-        let (mut n, mut lit, mut drawn, mut sure) = (viewer, viewer, true, true);
+        let (mut n, mut drawn, mut sure) = (viewer, true, true);
         if let Some(normal) = octahedral::decode(code) {
             n = (object.linear * normal).normalize();
             let facing = n.dot(viewer);
@@ -149,8 +146,7 @@ impl<'a> Setup<'a> {
             };
             drawn = !(cull && facing < 0.0);
             // Two unit vectors, each with its own error.
-            sure = facing.abs() >= 2.0 * self.margin && (facing + 0.25).abs() >= 2.0 * self.margin;
-            lit = if facing < -0.25 { -n } else { n };
+            sure = facing.abs() >= 2.0 * self.margin;
             if facing < 0.0 {
                 n = -n;
             }
@@ -170,7 +166,6 @@ impl<'a> Setup<'a> {
         let mut splat = Splat {
             p,
             n,
-            lit,
             r: if matches!(self.shape, Shape::Disk { hard: true }) { r * std::f64::consts::FRAC_1_SQRT_2 } else { r },
             epsilon: (tolerance.absolute as f64).max(tolerance.relative as f64 * r.max(spread)),
             d_epsilon: 0.0,

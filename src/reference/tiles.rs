@@ -281,7 +281,7 @@ impl State {
             self.winner_sure = fragment.sure;
             self.weight = 1.0;
             self.color = splat.color;
-            self.normal = splat.lit;
+            self.normal = splat.n;
         }
     }
 
@@ -314,7 +314,7 @@ impl State {
             self.front = self.front.min(fragment.z);
             self.weight += fragment.weight;
             self.color += fragment.weight * splat.color;
-            self.normal += fragment.weight * splat.lit;
+            self.normal += fragment.weight * splat.n;
         } else if fragment.inside {
             self.hidden = true;
         }
@@ -330,7 +330,8 @@ impl State {
         if self.weight == 0.0 {
             return Pixel { rgba: [0.0; 4], depth: f64::INFINITY, tie: margin > 0.0 && self.tie };
         }
-        let (color, tie) = light(&scene.style.shading, self.color / self.weight, self.normal, &self.ray, margin);
+        let (color, tie) =
+            light(&scene.style.shading, self.color / self.weight, self.normal / self.weight, &self.ray, margin);
         // What a soft rim lets through is the background only where nothing lies behind.
         let alpha = if two_pass && !self.hidden { (2.0 * self.weight).min(1.0) } else { 1.0 };
         let color = color * alpha;

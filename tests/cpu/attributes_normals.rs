@@ -107,7 +107,7 @@ fn viewpoint_decides() {
         found.report.assumed,
         [
             "normals estimated from 16 nearest neighbours, oriented to the scanner",
-            "radii from the distance of the 8th neighbour"
+            "radii from the distance of the 8th neighbour and the gaps between neighbours"
         ]
     );
 

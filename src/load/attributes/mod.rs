@@ -57,7 +57,7 @@ impl Default for Options<'_> {
 /// without a face fall back on their neighbours. Without faces, normals are fitted to the nearest neighbours
 /// and turned to the scanner where its place is known, else made consistent by propagation; radii are
 /// κ d₈ √(π/8), where d₈ is the 8th neighbour's distance in the tangent plane and κ is 1 for even sampling to 1.6 for
-/// random, guarded at borders and outliers. A point whose neighbours give no
+/// random, or more where a gap demands it, guarded at borders, outliers and where there is no surface. A point whose neighbours give no
 /// plane gets a zero normal: it faces the viewer. Radii are always finite and > 0: a cloud at one place has radius 1.
 ///
 /// Positions must be finite, normals (where present) unit or zero, faces in range; at most 2²⁹ points.
@@ -139,7 +139,7 @@ fn from_neighbours(cloud: &mut PointCloud, options: &Options, no_normals: bool, 
         cloud.report.repair("no plane through the neighbours: faces the viewer", none as u64);
     }
     if no_radii {
-        cloud.report.assume("radii from the distance of the 8th neighbour");
+        cloud.report.assume("radii from the distance of the 8th neighbour and the gaps between neighbours");
         cloud.radii = Some(fitted.radii);
     }
     cloud.normals = given.or(Some(fitted.normals));

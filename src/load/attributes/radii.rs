@@ -5,6 +5,11 @@
 //! κ = clamp(2.2 − 1.2 d₁ / h, 1, 1.6) tells even sampling (d₁ = h and more: κ = 1) from random (d₁ = h / 2 on average:
 //! κ = 1.6, which leaves e^(−πκ²) = 0.03 % uncovered).
 //!
+//! The rule is a mean and leaves gaps in random samplings, where a void is wider than its rim is sparse. So r also reaches
+//! 5/4 of the way to the farthest corner of the point's Voronoi cell among its neighbours in the tangent plane: every spot
+//! lies in some cell, so cells that are covered leave none, and three disks that meet in a corner at 4/5 of their radii
+//! have weights that add up to ½, full coverage.
+//!
 //! Where a neighbourhood is not a whole disk, the rule alone overestimates. Four guards, in this order:
 //! 1. *Borders.* At a border the k neighbours fill a part of the disk, and next to none lie behind. Their centre of mass
 //!    tells how large a part: h is reduced by its square root, before κ is found.
@@ -18,7 +23,7 @@
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::Vec3;
+use glam::{Vec2, Vec3, vec2};
 use rayon::prelude::*;
 
 /// Neighbours in the density estimate.
@@ -53,9 +58,51 @@ pub(super) fn radius(offsets: &[Vec3], normal: Vec3) -> f32 {
     let off = centre.length() / (offsets.len() as f32 * last.sqrt());
     // More than one point within 70 degrees of straight behind: unevenly filled, but no border.
     let behind = |o: &&Vec3| flat(o).dot(centre) < -0.34 * flat(o).length() * centre.length();
-    let h = if off > 0.2 && offsets.iter().filter(behind).count() <= 1 { h * filled(off).sqrt() } else { h };
+    let border = off > 0.2 && offsets.iter().filter(behind).count() <= 1;
+    let h = if border { h * filled(off).sqrt() } else { h };
     let even = (2.2 - 1.2 * squared[0].sqrt() / h).clamp(1.0, 1.6);
-    even * h * coherence(offsets, normal)
+    // A cell at a border has its far corners outside; beyond twice the rule a void is a hole of the surface, not of the
+    // sampling.
+    let covering = if border { 0.0 } else { 1.25 * farthest_corner(offsets, normal, 2.0 * h) };
+    (even * h).max(covering.min(2.0 * even * h)) * coherence(offsets, normal)
+}
+
+/// Distance of the farthest corner of the Voronoi cell of the origin among the `offsets` in the plane of `normal`, of the
+/// corners within `reach` along both axes: open sides, as at borders, have none there. Zero without corners.
+fn farthest_corner(offsets: &[Vec3], normal: Vec3, reach: f32) -> f32 {
+    if normal == Vec3::ZERO || !(reach > 0.0 && reach < 1e18) {
+        return 0.0;
+    }
+    let (u, v) = normal.any_orthonormal_pair();
+    // The cell so far, a convex polygon; each clip adds at most one corner.
+    let mut cell = [Vec2::ZERO; 4 + super::neighbours::MAX_NEIGHBOURS];
+    cell[..4].copy_from_slice(&[vec2(-1.0, -1.0), vec2(1.0, -1.0), vec2(1.0, 1.0), vec2(-1.0, 1.0)]);
+    let mut count = 4;
+    for o in offsets {
+        let o = vec2(u.dot(*o), v.dot(*o)) / reach;
+        let half = 0.5 * o.length_squared();
+        // Stacked along the normal, or too far to cut anything.
+        if !(half > 1e-12 && half < 2.0 * o.length()) {
+            continue;
+        }
+        let mut clipped = [Vec2::ZERO; 4 + super::neighbours::MAX_NEIGHBOURS];
+        let mut kept = 0;
+        for i in 0..count {
+            let (a, b) = (cell[i], cell[(i + 1) % count]);
+            let (da, db) = (half - o.dot(a), half - o.dot(b));
+            if da >= 0.0 && kept < clipped.len() {
+                clipped[kept] = a;
+                kept += 1;
+            }
+            if (da >= 0.0) != (db >= 0.0) && kept < clipped.len() {
+                clipped[kept] = a + (b - a) * (da / (da - db));
+                kept += 1;
+            }
+        }
+        (cell, count) = (clipped, kept);
+    }
+    let inner = cell[..count].iter().filter(|c| c.abs().max_element() < 0.999);
+    reach * inner.map(|c| c.length()).fold(0.0, f32::max)
 }
 
 /// 1 where the neighbours lie about a plane, down to 2/5 where they do not. Noise of half a spacing spreads them across
