@@ -143,8 +143,13 @@ Splat project(vec4 geometry, uint normal_code) {
         // A footprint that comes close to the eye is cast in eye space, where 1 − (a0, b0) · h would cancel; the affine form
         // has no such term.
         bool near_eye = s.depth - reach < max(params.near, perspective && !APPROXIMATE ? 0.1 * s.depth : params.near);
+        // Sprites leave those to the quads. Software devices run both sides of a branch, so this is a constant's.
+        if (near_eye && !CASTS) {
+            s.status = TOO_LARGE;
+            return s;
+        }
         // Only a disk that reaches the near plane has no bounded image: the part beyond that plane has.
-        bool clipped = s.depth - reach < max(params.near, perspective && !APPROXIMATE ? 1e-3 * s.depth : params.near);
+        bool clipped = CASTS && s.depth - reach < max(params.near, perspective && !APPROXIMATE ? 1e-3 * s.depth : params.near);
         if (clipped) {
             s.box = clipped_box(s.centre, s.radius * t1, s.radius * t2);
         }

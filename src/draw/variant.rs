@@ -98,6 +98,7 @@ impl Variant {
             // Depth alone needs no colour: its decoding would be a third of the vertex stage's arithmetic.
             (self.colors && self.role != Role::Visibility) as u32,
             self.large as u32,
+            (self.large || self.role == Role::Count) as u32,
         ];
         let attachments = if self.surface { 2 } else { 1 };
         let accumulate = if self.surface { &spirv::DRAW_ACCUMULATE_SURFACE_FRAG } else { &spirv::DRAW_ACCUMULATE_FRAG };
