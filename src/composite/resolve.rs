@@ -6,7 +6,7 @@ use ash::vk;
 
 use crate::draw::plan::FramePlan;
 use crate::draw::targets::DEPTH;
-use crate::error::{Named, Result};
+use crate::error::Result;
 use crate::gpu::Context;
 use crate::gpu::layout::SeedPush;
 use crate::gpu::program::{BlendMode, ColorTarget, DepthMode, GraphicsInfo, Program};
@@ -86,15 +86,7 @@ impl Composite {
     }
 
     fn build(&mut self, context: &Context) -> Result<()> {
-        let info = vk::SamplerCreateInfo::default()
-            .mag_filter(vk::Filter::NEAREST)
-            .min_filter(vk::Filter::NEAREST)
-            .address_mode_u(vk::SamplerAddressMode::CLAMP_TO_EDGE)
-            .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE)
-            .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE);
-        // SAFETY: the device lives.
-        self.sampler = unsafe { context.device.create_sampler(&info, None) }.named("vkCreateSampler")?;
-        context.name(self.sampler, "nearest");
+        self.sampler = context.nearest_sampler()?;
         self.seed = self.program.graphics(
             context,
             &GraphicsInfo {
@@ -165,19 +157,10 @@ impl Composite {
     pub fn seed(&self, context: &Context, cmd: vk::CommandBuffer, set: vk::DescriptorSet, view: u32) -> u32 {
         let push = SeedPush { view, padding: [] };
         let layout = self.program.layout;
-        // SAFETY: recording inside such a pass; the set lives until the frame is complete.
-        unsafe {
-            context.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.seed);
-            context.device.cmd_bind_descriptor_sets(cmd, vk::PipelineBindPoint::GRAPHICS, layout, 0, &[set], &[]);
-            context.device.cmd_push_constants(
-                cmd,
-                layout,
-                vk::ShaderStageFlags::FRAGMENT,
-                0,
-                bytemuck::bytes_of(&push),
-            );
-            context.device.cmd_draw(cmd, 3, 1, 0, 0);
-        }
+        context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.seed);
+        context.bind_sets(cmd, vk::PipelineBindPoint::GRAPHICS, layout, 0, &[set], &[]);
+        context.push(cmd, layout, vk::ShaderStageFlags::FRAGMENT, bytemuck::bytes_of(&push));
+        context.draw(cmd, 0, 3);
         1
     }
 
@@ -190,38 +173,19 @@ impl Composite {
         set: vk::DescriptorSet,
         area: vk::Rect2D,
     ) {
-        let viewport = vk::Viewport {
-            x: area.offset.x as f32,
-            y: area.offset.y as f32,
-            width: area.extent.width as f32,
-            height: area.extent.height as f32,
-            min_depth: 0.0,
-            max_depth: 1.0,
-        };
         // llvmpipe (Mesa 22.3) draws a triangle that it has to clip into view 0 alone, once for every view: with several
         // views nothing leaves the clip volume.
         let (first, vertices) = if self.formats.view_mask == 0 { (0, 3) } else { (3, 6) };
-        let layout = self.program.layout;
-        // SAFETY: recording inside the host's pass, which the pipeline was made for (preconditions of `composite`).
-        unsafe {
-            context.device.cmd_set_viewport(cmd, 0, &[viewport]);
-            context.device.cmd_set_scissor(cmd, 0, &[area]);
-            context.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.resolve[&variant]);
-            context.device.cmd_bind_descriptor_sets(cmd, vk::PipelineBindPoint::GRAPHICS, layout, 0, &[set], &[]);
-            context.device.cmd_draw(cmd, vertices, 1, first, 0);
-        }
+        context.set_area(cmd, area);
+        context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.resolve[&variant]);
+        context.bind_sets(cmd, vk::PipelineBindPoint::GRAPHICS, self.program.layout, 0, &[set], &[]);
+        context.draw(cmd, first, vertices);
     }
 
     /// Destroys everything; nothing is in use.
     pub fn destroy(self, context: &Context) {
-        // SAFETY: not in use (a precondition), destroyed once; null handles are allowed.
-        unsafe {
-            for pipeline in self.resolve.into_values() {
-                context.device.destroy_pipeline(pipeline, None);
-            }
-            context.device.destroy_pipeline(self.seed, None);
-            context.device.destroy_sampler(self.sampler, None);
-        }
+        self.resolve.into_values().chain([self.seed]).for_each(|pipeline| context.destroy_pipeline(pipeline));
+        context.destroy_sampler(self.sampler);
         self.program.destroy(context);
     }
 }

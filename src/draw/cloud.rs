@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::error::{Named, Result};
+use crate::error::Result;
 use crate::gpu::Context;
 use crate::gpu::memory::Location;
 use crate::gpu::program::Program;
@@ -62,10 +62,7 @@ impl DeviceCloud {
     pub fn new(context: &Context, flat: Arc<Flat>) -> Result<DeviceCloud> {
         let sets = flat.len().div_ceil(CHUNK).max(1) as u32;
         let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 3 * sets }];
-        let info = vk::DescriptorPoolCreateInfo::default().max_sets(sets).pool_sizes(&sizes);
-        // SAFETY: the device lives.
-        let pool = unsafe { context.device.create_descriptor_pool(&info, None) }.named("vkCreateDescriptorPool")?;
-        context.name(pool, "cloud.sets");
+        let pool = context.descriptor_pool("cloud.sets", sets, &sizes)?;
         Ok(DeviceCloud { flat, chunks: Vec::new(), pool })
     }
 
@@ -149,18 +146,13 @@ impl DeviceCloud {
                     .buffer_info(info)
             })
             .collect();
-        // SAFETY: the set is new, so in no use; the buffers live.
-        unsafe { context.device.update_descriptor_sets(&writes, &[]) };
+        context.write_sets(&writes);
         self.chunks.push(chunk);
         Ok(Some(upload))
     }
 
     fn allocate_set(&self, context: &Context, program: &Program) -> Result<vk::DescriptorSet> {
-        let layouts = [program.sets[1]];
-        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.pool).set_layouts(&layouts);
-        // SAFETY: pool and layout live; the pool has room for a set a chunk.
-        let sets = unsafe { context.device.allocate_descriptor_sets(&info) }.named("vkAllocateDescriptorSets")?;
-        Ok(sets[0])
+        Ok(context.descriptor_sets(self.pool, &[program.sets[1]])?[0])
     }
 
     /// Gives everything up after `frame`.

@@ -27,30 +27,18 @@ pub fn record(
 ) -> u32 {
     let mut calls = 0;
     recorder.pass("clear counts", vec![Use::Memory(Access::HostRead, Access::CopyWrite)], |context, cmd| {
-        // SAFETY: recording outside a pass; the buffer lives and its size is a multiple of four.
-        unsafe { context.device.cmd_fill_buffer(cmd, counts.handle, 0, vk::WHOLE_SIZE, 0) };
+        context.zero(cmd, counts.handle);
     });
     recorder.pass("count", vec![Use::Memory(Access::CopyWrite, Access::ComputeWrite)], |context, cmd| {
         for draw in views.iter().flatten() {
             let variant = Variant { role: Role::Count, ..draw.main };
             for chunk in &bindings.clouds[draw.cloud].chunks {
                 let push = CountPush { count: chunk.count, padding: [] };
-                // SAFETY: recording outside a pass; all sets live until the frame is complete, and the layout has the
-                // push constant.
-                unsafe {
-                    let (device, layout) = (&context.device, bindings.program.layout);
-                    device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::COMPUTE, bindings.pipelines.get(&variant));
-                    device.cmd_bind_descriptor_sets(
-                        cmd,
-                        vk::PipelineBindPoint::COMPUTE,
-                        layout,
-                        0,
-                        &[bindings.params, chunk.set, counts_set],
-                        &[draw.params],
-                    );
-                    device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::COMPUTE, 0, bytemuck::bytes_of(&push));
-                    device.cmd_dispatch(cmd, chunk.count.div_ceil(GROUP).min(GROUPS), 1, 1);
-                }
+                let (layout, point) = (bindings.program.layout, vk::PipelineBindPoint::COMPUTE);
+                context.bind_pipeline(cmd, point, bindings.pipelines.get(&variant));
+                context.bind_sets(cmd, point, layout, 0, &[bindings.params, chunk.set, counts_set], &[draw.params]);
+                context.push(cmd, layout, vk::ShaderStageFlags::COMPUTE, bytemuck::bytes_of(&push));
+                context.dispatch(cmd, chunk.count.div_ceil(GROUP).min(GROUPS));
                 calls += 1;
             }
         }

@@ -4,7 +4,7 @@ use ash::vk;
 
 use super::targets::Targets;
 use crate::composite::Composite;
-use crate::error::{Named, Result};
+use crate::error::Result;
 use crate::gpu::Context;
 use crate::gpu::layout::{Counts, DrawParams, FrameParams};
 use crate::gpu::memory::Location;
@@ -63,15 +63,10 @@ impl Slot {
                 count(vk::DescriptorType::STORAGE_BUFFER, 1),
                 count(vk::DescriptorType::COMBINED_IMAGE_SAMPLER, 4),
             ];
-            let info = vk::DescriptorPoolCreateInfo::default().max_sets(3).pool_sizes(&sizes);
-            // SAFETY: the device lives.
-            pool = unsafe { context.device.create_descriptor_pool(&info, None) }.named("vkCreateDescriptorPool")?;
-            context.name(pool, "slot.sets");
+            pool = context.descriptor_pool("slot.sets", 3, &sizes)?;
             timestamps = Timestamps::new(context)?;
             let layouts = [splats.sets[0], splats.sets[2], composite.program.sets[0]];
-            let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
-            // SAFETY: pool and layouts live; the pool has room for just these.
-            let sets = unsafe { context.device.allocate_descriptor_sets(&info) }.named("vkAllocateDescriptorSets")?;
+            let sets = context.descriptor_sets(pool, &layouts)?;
             Ok([sets[0], sets[1], sets[2]])
         })();
         match made {
@@ -102,8 +97,7 @@ impl Slot {
                 if let Some(t) = timestamps {
                     t.destroy(context);
                 }
-                // SAFETY: no set of it is in use; null is allowed.
-                unsafe { context.device.destroy_descriptor_pool(pool, None) };
+                context.destroy_pool(pool);
                 Err(e)
             }
         }
@@ -152,8 +146,7 @@ impl Slot {
         for (binding, info) in (1..).zip(&images) {
             writes.push(to(self.frame_set, binding, vk::DescriptorType::COMBINED_IMAGE_SAMPLER).image_info(info));
         }
-        // SAFETY: no pending frame uses the sets; buffers, views and sampler live.
-        unsafe { context.device.update_descriptor_sets(&writes, &[]) };
+        context.write_sets(&writes);
     }
 
     /// The counters; the frame is complete.
@@ -169,7 +162,6 @@ impl Slot {
         if let Some(timestamps) = self.timestamps {
             timestamps.destroy(context);
         }
-        // SAFETY: its sets are in no use (a precondition), destroyed once.
-        unsafe { context.device.destroy_descriptor_pool(self.pool, None) };
+        context.destroy_pool(self.pool);
     }
 }

@@ -77,21 +77,22 @@ impl Bindings<'_> {
     }
 
     fn bind(&self, context: &Context, cmd: vk::CommandBuffer, params: u32, variant: Variant) {
-        // SAFETY: recording inside a pass that the pipeline was made for; set 0 holds parameters at this offset.
-        unsafe {
-            context.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.pipelines.get(&variant));
-            context.device.cmd_bind_descriptor_sets(
-                cmd,
-                vk::PipelineBindPoint::GRAPHICS,
-                self.program.layout,
-                0,
-                &[self.params],
-                &[params],
-            );
-            if let Some(indices) = self.indices.filter(|_| variant.quads) {
-                context.device.cmd_bind_index_buffer(cmd, indices.handle, 0, vk::IndexType::UINT16);
-            }
+        context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.pipelines.get(&variant));
+        self.bind_set(context, cmd, 0, self.params, &[params]);
+        if let Some(indices) = self.indices.filter(|_| variant.quads) {
+            context.bind_indices(cmd, indices.handle);
         }
+    }
+
+    fn bind_set(
+        &self,
+        context: &Context,
+        cmd: vk::CommandBuffer,
+        number: u32,
+        set: vk::DescriptorSet,
+        offsets: &[u32],
+    ) {
+        context.bind_sets(cmd, vk::PipelineBindPoint::GRAPHICS, self.program.layout, number, &[set], offsets);
     }
 
     fn quads(
@@ -103,21 +104,11 @@ impl Bindings<'_> {
     ) -> u32 {
         let mut calls = 0;
         for (first, count) in blocks {
-            // SAFETY: as in `bind`; a block has at most as many quads as there are indices, and its vertices lie in the
-            // chunk's buffers.
-            unsafe {
-                if calls == 0 {
-                    context.device.cmd_bind_descriptor_sets(
-                        cmd,
-                        vk::PipelineBindPoint::GRAPHICS,
-                        self.program.layout,
-                        1,
-                        &[chunk.set],
-                        &[],
-                    );
-                }
-                context.device.cmd_draw_indexed(cmd, 6 * count as u32, 1, 0, 4 * first as i32, 0);
+            if calls == 0 {
+                self.bind_set(context, cmd, 1, chunk.set, &[]);
             }
+            // A block has at most as many quads as there are indices, and its vertices lie in the chunk's buffers.
+            context.draw_indexed(cmd, 6 * count as u32, 4 * first as i32);
             calls += 1;
         }
         calls
@@ -125,11 +116,8 @@ impl Bindings<'_> {
 }
 
 fn points(context: &Context, cmd: vk::CommandBuffer, chunk: &Chunk) -> u32 {
-    // SAFETY: as in `bind`; all three streams hold an entry a point.
-    unsafe {
-        context.device.cmd_bind_vertex_buffers(cmd, 0, &chunk.streams(), &[0; 3]);
-        context.device.cmd_draw(cmd, chunk.count, 1, 0, 0);
-    }
+    context.bind_streams(cmd, &chunk.streams());
+    context.draw(cmd, 0, chunk.count);
     1
 }
 

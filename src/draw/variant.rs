@@ -163,9 +163,6 @@ impl Pipelines {
 
     /// Destroys them all; none is in use.
     pub fn destroy(self, context: &Context) {
-        for pipeline in self.built.into_values() {
-            // SAFETY: not in use (a precondition), destroyed once.
-            unsafe { context.device.destroy_pipeline(pipeline, None) };
-        }
+        self.built.into_values().for_each(|pipeline| context.destroy_pipeline(pipeline));
     }
 }

@@ -1,6 +1,7 @@
 //! Vulkan, and nothing of points: the only home of routine `unsafe`.
 
 pub mod barrier;
+mod command;
 pub mod context;
 pub mod download;
 pub mod layout;

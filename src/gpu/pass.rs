@@ -111,21 +111,12 @@ impl<'a> Recorder<'a> {
                 info = info.stencil_attachment(depth);
             }
         }
-        let viewport = vk::Viewport {
-            x: 0.0,
-            y: 0.0,
-            width: targets.extent.width as f32,
-            height: targets.extent.height as f32,
-            min_depth: 0.0,
-            max_depth: 1.0,
-        };
         // SAFETY: recording outside a pass; the views live until the frame is complete, and `open` moved the images
         // into the layouts that `attachment` names.
         unsafe {
             self.context.device.cmd_begin_rendering(self.cmd, &info);
-            self.context.device.cmd_set_viewport(self.cmd, 0, &[viewport]);
-            self.context.device.cmd_set_scissor(self.cmd, 0, &[area]);
         }
+        self.context.set_area(self.cmd, area);
         body(self.context, self.cmd);
         // SAFETY: the pass was begun above.
         unsafe { self.context.device.cmd_end_rendering(self.cmd) };

@@ -102,8 +102,7 @@ pub fn measure(
             times.extend(timestamps.read(&context)?.iter().map(|(_, ms)| *ms));
         }
     }
-    // SAFETY: every frame was waited for; destroyed once.
-    unsafe { context.device.destroy_pipeline(pipeline, None) };
+    context.destroy_pipeline(pipeline);
     program.destroy(&context);
     image.destroy(&mut context);
     upload.staging.destroy(&mut context);

@@ -57,6 +57,13 @@ fn the_device_knows_no_points() {
 }
 
 #[test]
+fn passes_and_tools_leave_unsafe_to_the_device() {
+    for room in ["draw", "composite", "cli", "reference"] {
+        never(room, &["unsafe {", "unsafe fn"]);
+    }
+}
+
+#[test]
 fn an_arrow_that_exists_is_seen() {
     assert!(!uses("draw", &["crate::gpu"]).is_empty());
 }
