@@ -391,7 +391,7 @@ fn a_gaussian_has_the_disk_of_its_two_longer_axes() {
 }
 
 #[test]
-fn every_cut_of_a_real_file_ends_well() {
+fn with_data_every_cut_of_a_real_file_ends_well() {
     for name in ["ply_crlf_header_binary.ply", "ply_big_endian_polygons.ply", "ply_float_color.ply", "ply_issue623.ply"]
     {
         let bytes = std::fs::read(data(&format!("bad/{name}"))).unwrap();
