@@ -95,7 +95,7 @@ impl Variant {
             self.approximate as u32,
             self.cull as u32,
             self.normals as u32,
-            // Depth alone needs no colour: its decoding would be a third of the vertex stage's arithmetic.
+            // Depth alone needs no colour, so its decoding is left out.
             (self.colors && self.role != Role::Visibility) as u32,
             self.large as u32,
             (self.large || self.role == Role::Count) as u32,
