@@ -16,6 +16,8 @@ pub enum Pose {
     Default,
     /// About the centre of the bounding sphere.
     Orbit(Orbit),
+    /// From this azimuth and elevation \[degrees\], as near as everything fits.
+    Framed { azimuth: f64, elevation: f64 },
     /// Between two points [world].
     LookAt { eye: DVec3, target: DVec3 },
 }
@@ -110,6 +112,10 @@ pub fn view(pose: Pose, subject: &Subject, lens: &Lens) -> (View, Vec<String>) {
         Pose::Orbit(orbit) => {
             let (back, up) = orbit_axes(lens.up, orbit.azimuth, orbit.elevation);
             (center + back * (orbit.distance * radius), back, up)
+        }
+        Pose::Framed { azimuth, elevation } => {
+            let (back, up) = orbit_axes(lens.up, azimuth, elevation);
+            (fit(center, subject.balls, radius, back, up, [fov, lens.aspect]), back, up)
         }
         Pose::Default => default_pose(subject, lens, &mut fov, &mut said),
     };

@@ -56,7 +56,7 @@ pub fn draw(offscreen: &mut Offscreen, shot: &Shot, warmup: u32, frames: u32, pr
 }
 
 /// Frames that draw nothing, until everything is on the device.
-fn upload(offscreen: &mut Offscreen, shot: &Shot, progress: &Progress) -> Result<()> {
+pub fn upload(offscreen: &mut Offscreen, shot: &Shot, progress: &Progress) -> Result<()> {
     let total = offscreen.renderer.pending_upload();
     let step = progress.step("upload", total);
     let mut left = total;

@@ -34,6 +34,8 @@ pub struct Scene {
     pub up: DVec3,
     /// Whether the user chose it.
     pub up_given: bool,
+    /// What colours show.
+    by: ColorBy,
     /// Points in the files.
     pub points_input: u64,
     /// One sentence for each thing that was assumed, dropped or repaired.
@@ -64,7 +66,7 @@ impl Scene {
         assumed.extend(color::paint(&mut clouds, by, up, &bounds)?);
         let balls = input::balls(&clouds, &bounds);
         let viewpoint = clouds.iter().find_map(|c| c.viewpoint);
-        Ok(Scene { clouds, bounds, balls, viewpoint, shade, up, up_given, points_input, assumed })
+        Ok(Scene { clouds, bounds, balls, viewpoint, shade, up, up_given, by, points_input, assumed })
     }
 
     /// The view that is asked for; what was assumed to make it is noted.
@@ -79,6 +81,11 @@ impl Scene {
         let (view, said) = camera::view(pose, &subject, &lens);
         self.assumed.extend(said);
         view
+    }
+
+    /// Completes a cloud that was made from this scene's, as those were.
+    pub fn finish(&self, cloud: &mut PointCloud, look: &LookArgs, progress: &Progress) {
+        complete(cloud, look.radius, self.shade, self.by, &self.bounds, progress);
     }
 
     /// What a renderer takes. One at a time: a cloud's arrays are given back as soon as they are packed.

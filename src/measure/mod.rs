@@ -2,7 +2,9 @@
 #![forbid(unsafe_code)]
 
 pub mod compare;
+pub mod pareto;
 pub mod timing;
 
 pub use compare::{Difference, Image, Incomparable, compare};
+pub use pareto::pareto;
 pub use timing::Summary;

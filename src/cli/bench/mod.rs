@@ -1,16 +1,48 @@
 //! `surfel bench`: run time, always against error, and what the device could do at best.
 
 pub mod args;
+mod journal;
+mod plot;
+mod record;
+mod report;
+mod summary;
+mod sweep;
+mod truth;
 
-use anyhow::{Result, bail};
+use std::io::Write;
 
-use super::Outcome;
-use args::{BenchArgs, BenchCommand};
+use anyhow::{Context, Result, bail};
+use serde_json::json;
+
+use super::progress::Progress;
+use super::{Outcome, output};
+use args::{BenchArgs, BenchCommand, SweepArgs};
+use sweep::Sweep;
 
 /// Runs the sweep, or the ceilings.
 pub fn run(args: &BenchArgs) -> Result<Outcome> {
     match &args.command {
         Some(BenchCommand::Raw(_)) => bail!("not there yet"),
-        None => bail!("not there yet"),
+        None => sweep(&args.sweep),
     }
+}
+
+fn sweep(args: &SweepArgs) -> Result<Outcome> {
+    let out = args.out.as_deref().context("clap asks for --out")?;
+    std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
+    let progress = Progress::new(args.quiet);
+    let sweep = sweep::run(args, out, &progress)?;
+    let Sweep { records, common, .. } = &sweep;
+    let text = |path: &str, text: String| output::write(&out.join(path), |out| Ok(out.write_all(text.as_bytes())?));
+    text("results.json", format!("{:#}\n", json!({"common": common, "records": records})))?;
+    text("results.csv", record::csv(records))?;
+    text("report.html", report::html(&sweep, args, out)?)?;
+    let table = if args.quiet { String::new() } else { summary::table(records) };
+    super::print(&format!("{}\n{table}", out.join("report.html").display()))?;
+    Ok(Outcome::Done)
+}
+
+/// FNV-1a (Fowler, Noll, Vo 1991): names of files that are the same on every machine.
+fn hash(text: &str) -> u64 {
+    text.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ b as u64).wrapping_mul(0x100_0000_01b3))
 }

@@ -1,0 +1,218 @@
+//! What was measured, one record a combination and view, and the files that hold it.
+
+use std::fmt::Write as _;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use surfel::measure::Summary;
+
+/// Everything that distinguishes one measurement from another of the same sweep.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Combination {
+    /// The input as it was given.
+    pub input: String,
+    /// Changes with the input's content: length and time of the file, or points and seed of the scene.
+    pub input_state: String,
+    /// Points that the faces were sampled at; none where the vertices themselves are drawn.
+    pub samples: Option<u32>,
+    /// Preset.
+    pub technique: String,
+    pub ellipse: String,
+    /// Factor on the radii.
+    pub scale: f64,
+    /// Depth tolerance in radii.
+    pub tolerance: f64,
+    /// Format of the sums.
+    pub sums: String,
+    /// Number of the view, and how many there are.
+    pub view: [u32; 2],
+    /// \[px\]
+    pub size: [u32; 2],
+}
+
+impl Combination {
+    /// One line that no other combination has.
+    pub fn key(&self) -> String {
+        let Combination { input, input_state, view: [view, views], size: [width, height], .. } = self;
+        format!("{input} ({input_state}) {} view {view}/{views} {width}x{height}", self.way())
+    }
+
+    /// The part that is chosen, whatever is looked at: points of one plot with the same way belong together.
+    pub fn way(&self) -> String {
+        let mut text = self.technique.clone();
+        if self.ellipse != "exact" {
+            let _ = write!(text, " {}", self.ellipse);
+        }
+        if self.scale != 1.0 {
+            let _ = write!(text, " ×{}", self.scale);
+        }
+        if self.tolerance != 1.0 {
+            let _ = write!(text, " ε {}", self.tolerance);
+        }
+        if self.sums != "single" {
+            let _ = write!(text, " {}", self.sums);
+        }
+        if let Some(n) = self.samples {
+            let _ = write!(text, " {n} points");
+        }
+        text
+    }
+}
+
+/// One measurement.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Record {
+    #[serde(flatten)]
+    pub combination: Combination,
+    pub points_submitted: u64,
+    pub points_drawn: u64,
+    pub draw_calls: u32,
+    pub device_bytes: u64,
+    /// Times of the splat passes and the composite on the device \[ms\], every timed frame; empty without timestamps.
+    pub gpu_ms: Vec<f64>,
+    /// From the start of recording to the device's completion \[ms\], every timed frame.
+    pub frame_ms: Vec<f64>,
+    /// Against the truth, as `surfel compare --json` has it.
+    pub errors: Value,
+    /// What the truth is.
+    pub truth: String,
+    /// And where it is, relative to the folder.
+    pub truth_file: String,
+    /// The picture, relative to the folder.
+    pub picture: String,
+}
+
+impl Record {
+    /// Device time where there are timestamps, else the frame's.
+    pub fn times(&self) -> &[f64] {
+        if self.gpu_ms.is_empty() { &self.frame_ms } else { &self.gpu_ms }
+    }
+
+    /// Median of [`times`](Self::times) \[ms\].
+    pub fn time(&self) -> Option<Summary> {
+        Summary::of(self.times())
+    }
+
+    /// An error by its key; `None` where it has no value.
+    pub fn error(&self, key: &str) -> Option<f64> {
+        self.errors[key].as_f64()
+    }
+}
+
+/// Columns of the table after the combination's, and how to get them.
+const COLUMNS: &[(&str, fn(&Record) -> Option<f64>)] = &[
+    ("points_submitted", |r| Some(r.points_submitted as f64)),
+    ("points_drawn", |r| Some(r.points_drawn as f64)),
+    ("gpu_ms_median", |r| Summary::of(&r.gpu_ms).map(|s| s.median)),
+    ("gpu_ms_lower", |r| Summary::of(&r.gpu_ms).map(|s| s.lower)),
+    ("gpu_ms_upper", |r| Summary::of(&r.gpu_ms).map(|s| s.upper)),
+    ("frame_ms_median", |r| Summary::of(&r.frame_ms).map(|s| s.median)),
+    ("device_bytes", |r| Some(r.device_bytes as f64)),
+];
+
+/// Errors in the table.
+const ERRORS: &[&str] = &[
+    "rmse", "psnr", "psnr_covered", "rmse_interior", "ssim", "flip", "max", "max_alpha", "over", "holes", "holes_inside",
+    "spill", "outline", "depth_median", "depth_max",
+];
+
+/// The records as comma-separated values, with a header (RFC 4180; empty where there is no value).
+pub fn csv(records: &[Record]) -> String {
+    let quoted = |text: &str| match text.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_owned(),
+    };
+    let mut header = vec!["input", "samples", "technique", "ellipse", "scale", "tolerance", "sums", "view", "width", "height"];
+    header.extend(COLUMNS.iter().map(|(name, _)| name));
+    header.extend(ERRORS);
+    header.extend(["truth", "picture"]);
+    let mut text = header.join(",") + "\r\n";
+    for record in records {
+        let c = &record.combination;
+        let mut row = vec![
+            quoted(&c.input),
+            c.samples.map_or(String::new(), |n| n.to_string()),
+            c.technique.clone(),
+            c.ellipse.clone(),
+            c.scale.to_string(),
+            c.tolerance.to_string(),
+            c.sums.clone(),
+            c.view[0].to_string(),
+            c.size[0].to_string(),
+            c.size[1].to_string(),
+        ];
+        let number = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
+        row.extend(COLUMNS.iter().map(|(_, get)| number(get(record))));
+        row.extend(ERRORS.iter().map(|key| number(record.error(key))));
+        row.extend([quoted(&record.truth), quoted(&record.picture)]);
+        text += &(row.join(",") + "\r\n");
+    }
+    text
+}
+
+#[cfg(test)]
+pub mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    pub fn record(technique: &str, ms: f64, rmse: f64) -> Record {
+        Record {
+            combination: Combination {
+                input: "a,b.ply".into(),
+                input_state: "12 bytes".into(),
+                samples: None,
+                technique: technique.into(),
+                ellipse: "exact".into(),
+                scale: 1.0,
+                tolerance: 1.0,
+                sums: "single".into(),
+                view: [0, 1],
+                size: [64, 48],
+            },
+            points_submitted: 10,
+            points_drawn: 9,
+            draw_calls: 2,
+            device_bytes: 1000,
+            gpu_ms: vec![ms, 2.0 * ms, 0.5 * ms],
+            frame_ms: vec![3.0 * ms],
+            errors: json!({"rmse": rmse, "psnr": null}),
+            truth: "mesh".into(),
+            truth_file: "truth/0.exr".into(),
+            picture: "pictures/0.png".into(),
+        }
+    }
+
+    #[test]
+    fn ways_and_keys() {
+        let mut c = record("flat.two-pass.point", 1.0, 0.1).combination;
+        assert_eq!(c.way(), "flat.two-pass.point");
+        let plain = c.key();
+        c.ellipse = "approximate".into();
+        (c.scale, c.tolerance, c.sums, c.samples) = (0.5, 2.0, "half".into(), Some(7));
+        assert_eq!(c.way(), "flat.two-pass.point approximate ×0.5 ε 2 half 7 points");
+        assert_ne!(plain, c.key());
+        c.view[0] = 1;
+        assert!(c.key().contains("view 1/1 64x48"));
+    }
+
+    #[test]
+    fn tables_are_rectangular_and_quoted() {
+        let text = csv(&[record("t", 1.0, 0.25)]);
+        let lines: Vec<&str> = text.split_terminator("\r\n").collect();
+        assert_eq!(lines.len(), 2);
+        assert!(lines[1].starts_with("\"a,b.ply\",,t,exact,1,1,single,0,64,48,10,9,1,"));
+        // The quoted comma is one more.
+        assert_eq!(lines[1].matches(',').count(), lines[0].matches(',').count() + 1);
+        assert!(lines[1].contains(",0.25,,"), "RMSE, then no PSNR: {}", lines[1]);
+    }
+
+    #[test]
+    fn records_survive_json() {
+        let r = record("t", 1.5, 0.25);
+        let back: Record = serde_json::from_str(&serde_json::to_string(&r).unwrap()).unwrap();
+        assert_eq!(back.combination, r.combination);
+        assert_eq!((back.gpu_ms, back.errors), (r.gpu_ms, r.errors));
+    }
+}

@@ -1,0 +1,177 @@
+//! The report: one HTML file that needs nothing beside it.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use base64::Engine as _;
+use image::imageops::FilterType;
+
+use surfel::measure;
+
+use super::args::SweepArgs;
+use super::plot::{Plot, Series, svg};
+use super::summary::{Point, points, scenes};
+use super::sweep::Sweep;
+use super::truth;
+
+/// Larger side of the pictures in the report \[px\]. The folder has them in full.
+const THUMBNAIL: u32 = 300;
+
+const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:1180px;padding:0 1em;color:#1c1e21}\
+h1{font-size:1.6em}h2{font-size:1.25em;margin-top:2.2em;border-bottom:1px solid #ddd}table{border-collapse:collapse;font-size:13px;margin:1em 0}\
+td,th{padding:.25em .6em;text-align:right;border-bottom:1px solid #eee;white-space:nowrap}td:first-child,th:first-child{text-align:left}\
+tr.front td{background:#eef6ee}figure{display:inline-block;margin:.4em;vertical-align:top}figcaption{font-size:12px;max-width:300px}\
+img{display:block;image-rendering:auto}.plots svg{max-width:100%;height:auto}.note{color:#555;max-width:80ch}";
+
+/// The whole page.
+pub fn html(sweep: &Sweep, args: &SweepArgs, out: &Path) -> Result<String> {
+    let mut page = String::new();
+    let device = &sweep.device;
+    let all = points(&sweep.records);
+    // Writing to a string cannot fail.
+    let _ = write!(
+        page,
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>surfel: time against error</title>\
+         <style>{STYLE}</style></head><body>\n<h1>Time against error</h1>\n<p>surfel {}, {} ({})</p>\n",
+        env!("CARGO_PKG_VERSION"),
+        escape(&device.name),
+        escape(&device.driver),
+    );
+    page += &timed(args, device.kind == "cpu");
+    for scene in scenes(&all) {
+        let of: Vec<&Point> = all.iter().filter(|p| p.scene == scene).collect();
+        let _ = write!(page, "<h2>{}</h2>\n<p>Truth: {}.</p>\n", escape(&scene), escape(&of[0].first.truth));
+        page += "<div class=\"plots\">";
+        page += &plots(&of)?;
+        page += "</div>\n";
+        page += &table(&of);
+        page += &pictures(&of, args, out)?;
+    }
+    page += "</body></html>\n";
+    Ok(page)
+}
+
+/// What a time is, and what it is not.
+fn timed(args: &SweepArgs, software: bool) -> String {
+    let mut text = format!(
+        "<p class=\"note\"><b>Timed:</b> the splat passes and the composite of a frame on the device, by its timestamps \
+         (where it has none, the frame by the processor's clock). <b>Frame:</b> from the start of recording to the \
+         device's completion. <b>Not timed:</b> loading, uploads, counting, reading back. The target has float colour \
+         and depth. In each of {} rounds every combination drew one frame untimed and {} timed ones, in turn, so that a \
+         disturbance meets all alike. Times are medians and quartiles, averaged over {} views.</p>\n",
+        args.rounds, args.frames, args.views
+    );
+    text += "<p class=\"note\"><b>Errors</b> are taken of sRGB-encoded values, 1 = from black to white, over the background, \
+             against a supersampled truth in f64. <b>Interior:</b> pixels whose neighbourhood is covered in both. \
+             <b>Holes:</b> the truth covers the pixel, the picture does not; <b>spill:</b> the reverse; sums over the views, \
+             and in brackets as a share of the truth's outline.</p>\n";
+    if software {
+        text += "<p class=\"note\"><b>This device is a processor.</b> Its times say nothing about a GPU.</p>\n";
+    }
+    text
+}
+
+fn plots(of: &[&Point]) -> Result<String> {
+    let mut text = String::new();
+    let sampled = of.iter().any(|p| p.samples.is_some());
+    let curve = |y: fn(&Point) -> Option<f64>, x: fn(&Point) -> Option<f64>| {
+        let mut series: Vec<Series> = Vec::new();
+        for p in of {
+            let (Some(x), Some(y)) = (x(p), y(p)) else { continue };
+            match series.iter_mut().find(|s| s.name == p.curve) {
+                Some(s) => s.points.push((x, y)),
+                None => series.push(Series { name: p.curve.clone(), points: vec![(x, y)], line: false }),
+            }
+        }
+        series.iter_mut().for_each(|s| s.line = s.points.len() > 1);
+        series
+    };
+    let errors: [(&str, fn(&Point) -> Option<f64>); 2] = [("RMSE", |p| Some(p.rmse)), ("mean FLIP", |p| p.flip)];
+    for (name, error) in errors {
+        let pairs: Vec<(f64, f64)> = of.iter().map(|p| (p.ms, error(p).unwrap_or(f64::NAN))).collect();
+        let front = measure::pareto(&pairs).into_iter().map(|i| pairs[i]).collect();
+        let title = format!("Time against {name}");
+        let plot = Plot { title: &title, x: "median time a frame [ms]", y: name, series: curve(error, |p| Some(p.ms)), front };
+        text += &svg(&plot)?.unwrap_or_default();
+    }
+    if sampled {
+        let plot = Plot {
+            title: "Convergence: points against RMSE in the interior",
+            x: "points",
+            y: "RMSE, interior",
+            series: curve(|p| p.interior, |p| p.samples.map(f64::from)),
+            front: Vec::new(),
+        };
+        text += &svg(&plot)?.unwrap_or_default();
+    }
+    Ok(text)
+}
+
+fn table(of: &[&Point]) -> String {
+    let front = measure::pareto(&of.iter().map(|p| (p.ms, p.rmse)).collect::<Vec<_>>());
+    let mut text = String::from(
+        "<table><tr><th>technique</th><th>device [ms]</th><th>quartiles</th><th>frame [ms]</th><th>M points/s</th>\
+         <th>RMSE</th><th>PSNR [dB]</th><th>interior</th><th>FLIP</th><th>SSIM</th><th>holes</th><th>spill</th></tr>\n",
+    );
+    let number = |v: Option<f64>, digits: usize| v.map_or("–".into(), |v| format!("{v:.digits$}"));
+    for (i, p) in of.iter().enumerate() {
+        let share = |v: Option<f64>| match (v, p.outline) {
+            (Some(v), Some(outline)) if outline > 0.0 => format!("{v:.0} ({:.1} %)", 100.0 * v / outline),
+            _ => number(v, 0),
+        };
+        let _ = writeln!(
+            text,
+            "<tr{}><td>{}</td><td>{:.2}</td><td>{:.2} – {:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.5}</td><td>{:.2}</td>\
+             <td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            if front.contains(&i) { " class=\"front\"" } else { "" },
+            escape(&p.way),
+            p.ms,
+            p.quartiles[0],
+            p.quartiles[1],
+            p.frame_ms,
+            p.rate,
+            p.rmse,
+            -20.0 * p.rmse.log10(),
+            number(p.interior, 5),
+            number(p.flip, 5),
+            number(p.ssim, 5),
+            share(p.holes),
+            share(p.spill),
+        );
+    }
+    text + "</table>\n<p class=\"note\">Green: nothing else here is both faster and nearer to the truth.</p>\n"
+}
+
+/// The truth and every way, from the first view.
+fn pictures(of: &[&Point], args: &SweepArgs, out: &Path) -> Result<String> {
+    let mut text = String::new();
+    let first = &of[0].first;
+    let truth = surfel::exr::FloatPicture::read(out.join(&first.truth_file))?;
+    let bytes = surfel::readback::Picture { width: truth.width, height: truth.height, rgba: truth.rgba, depth: None }
+        .encode(args.background);
+    let truth = image::RgbaImage::from_raw(truth.width, truth.height, bytes).context("as many bytes as pixels")?;
+    text += &figure(&truth, "truth")?;
+    for p in of {
+        let path = out.join(&p.first.picture);
+        let picture = image::open(&path).with_context(|| path.display().to_string())?.to_rgba8();
+        text += &figure(&picture, &format!("{}, {:.2} ms, RMSE {:.5}", p.way, p.ms, p.rmse))?;
+    }
+    Ok(text + "\n")
+}
+
+fn figure(picture: &image::RgbaImage, caption: &str) -> Result<String> {
+    let (width, height) = picture.dimensions();
+    let scale = (THUMBNAIL as f64 / width.max(height) as f64).min(1.0);
+    let side = |v: u32| ((v as f64 * scale).round() as u32).max(1);
+    let small = image::imageops::resize(picture, side(width), side(height), FilterType::CatmullRom);
+    let mut png = Vec::new();
+    small.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
+    let data = base64::engine::general_purpose::STANDARD.encode(png);
+    let caption = escape(caption);
+    Ok(format!("<figure><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>\n"))
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

@@ -1,0 +1,109 @@
+//! What pictures are judged by: made once a view and size, kept as a float picture beside the results.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+use glam::DMat4;
+
+use surfel::exr::FloatPicture;
+use surfel::measure::Image;
+use surfel::reference::{self, Instance, MeshInstance, MeshScene, Scene, Surface};
+use surfel::select::{DrawList, View};
+use surfel::structure::Flat;
+use surfel::style::Style;
+use surfel::technique::Technique;
+
+use super::super::scene;
+use super::args::TruthKind;
+
+/// Samples along a pixel's side.
+const MESH_SIDE: u32 = 4;
+const POINTS_SIDE: u32 = 8;
+
+/// What truth is made from.
+pub enum Source {
+    Mesh(Vec<Surface>),
+    Points(Vec<Arc<Flat>>),
+}
+
+impl Source {
+    /// The kind that is asked for, or the better one that the scene has.
+    pub fn new(kind: TruthKind, scene: &scene::Scene, flats: &[Arc<Flat>]) -> Result<Source> {
+        if kind != TruthKind::Supersampled {
+            let surfaces: Option<Vec<Surface>> = scene.clouds.iter().map(Surface::new).collect();
+            match surfaces {
+                Some(surfaces) => return Ok(Source::Mesh(surfaces)),
+                None if kind == TruthKind::Mesh => bail!("--truth mesh: the input has no faces"),
+                None => {}
+            }
+        }
+        Ok(Source::Points(flats.to_vec()))
+    }
+
+    /// In words, for the report.
+    pub fn name(&self) -> String {
+        match self {
+            Source::Mesh(_) => format!("ray cast of the faces, {MESH_SIDE} x {MESH_SIDE} samples a pixel"),
+            Source::Points(_) => format!("two-pass in f64 of all points, {POINTS_SIDE} x {POINTS_SIDE} samples a pixel"),
+        }
+    }
+
+    /// The picture, from the file if it is there.
+    pub fn picture(&self, file: &Path, view: &View, [width, height]: [u32; 2], style: &Style) -> Result<FloatPicture> {
+        if file.exists() {
+            // Written whole or not at all, and named after all that it depends on.
+            let kept = FloatPicture::read(file)?;
+            if [kept.width, kept.height] == [width, height] && kept.depth.is_some() {
+                return Ok(kept);
+            }
+        }
+        let picture = match self {
+            Source::Mesh(surfaces) => {
+                let instances: Vec<MeshInstance> =
+                    surfaces.iter().map(|surface| MeshInstance { surface, transform: DMat4::IDENTITY }).collect();
+                let scene = MeshScene { instances: &instances, view, width, height, style, host_depth: None };
+                reference::ray_cast(&scene, MESH_SIDE)
+            }
+            Source::Points(flats) => {
+                let instances: Vec<Instance> =
+                    flats.iter().map(|flat| Instance { flat, transform: DMat4::IDENTITY }).collect();
+                let list = DrawList::all(flats.iter().map(|flat| flat.len() as u32));
+                let scene = Scene {
+                    instances: &instances,
+                    list: &list,
+                    view,
+                    width,
+                    height,
+                    technique: Technique::default(),
+                    style,
+                    host_depth: None,
+                };
+                reference::supersampled(&scene, POINTS_SIDE)
+            }
+        };
+        let float = FloatPicture {
+            width,
+            height,
+            rgba: picture.rgba.iter().map(|p| p.map(|v| v as f32)).collect(),
+            coverage: true,
+            depth: Some(picture.depth.iter().map(|z| *z as f32).collect()),
+        };
+        float.write(file)?;
+        Ok(float)
+    }
+}
+
+/// For comparing, over a background.
+pub fn image(picture: &FloatPicture, background: [u8; 4]) -> Image {
+    let rgba: Vec<[f64; 4]> = picture.rgba.iter().map(|p| p.map(f64::from)).collect();
+    let [r, g, b, _] = background;
+    let mut image = Image::from_linear(picture.width, picture.height, &rgba, [r, g, b]);
+    image.depth = picture.depth.as_ref().map(|d| d.iter().map(|z| *z as f64).collect());
+    image
+}
+
+/// Where the truth of a view is kept, relative to the folder. `state` names all that it depends on beside view and size.
+pub fn file(state: &str, view: u32, [width, height]: [u32; 2]) -> String {
+    format!("truth/{:016x}-{view}-{width}x{height}.exr", super::hash(state))
+}
