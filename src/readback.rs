@@ -16,24 +16,9 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Eight-bit sRGB RGBA over a background (sRGB-encoded, its last byte the opacity), not premultiplied.
-    ///
-    /// The only encoding on the way from the points to a file.
+    /// [`encode`]s it.
     pub fn encode(&self, background: [u8; 4]) -> Vec<u8> {
-        let [r, g, b, a] = background.map(|c| c as f64 / 255.0);
-        let under = [r, g, b].map(crate::color::srgb_to_linear);
-        let mut bytes = Vec::with_capacity(self.rgba.len() * 4);
-        for pixel in &self.rgba {
-            let cover = pixel[3] as f64;
-            let alpha = cover + (1.0 - cover) * a;
-            for (value, under) in pixel.iter().zip(under) {
-                let mixed = *value as f64 + (1.0 - cover) * a * under;
-                let straight = if alpha > 0.0 { mixed / alpha } else { 0.0 };
-                bytes.push((linear_to_srgb(straight.clamp(0.0, 1.0)) * 255.0).round() as u8);
-            }
-            bytes.push((alpha.clamp(0.0, 1.0) * 255.0).round() as u8);
-        }
-        bytes
+        encode(&self.rgba, background)
     }
 
     /// Share of pixels that anything covers.
@@ -41,6 +26,25 @@ impl Picture {
         let covered = self.rgba.iter().filter(|p| p[3] > 0.0).count();
         covered as f64 / self.rgba.len().max(1) as f64
     }
+}
+
+/// Premultiplied linear light to eight-bit sRGB RGBA over a background (sRGB-encoded, its last byte the opacity), not
+/// premultiplied. The only encoding on the way from the points to a file.
+pub fn encode(rgba: &[[f32; 4]], background: [u8; 4]) -> Vec<u8> {
+    let [r, g, b, a] = background.map(|c| c as f64 / 255.0);
+    let under = [r, g, b].map(crate::color::srgb_to_linear);
+    let mut bytes = Vec::with_capacity(rgba.len() * 4);
+    for pixel in rgba {
+        let cover = pixel[3] as f64;
+        let alpha = cover + (1.0 - cover) * a;
+        for (value, under) in pixel.iter().zip(under) {
+            let mixed = *value as f64 + (1.0 - cover) * a * under;
+            let straight = if alpha > 0.0 { mixed / alpha } else { 0.0 };
+            bytes.push((linear_to_srgb(straight.clamp(0.0, 1.0)) * 255.0).round() as u8);
+        }
+        bytes.push((alpha.clamp(0.0, 1.0) * 255.0).round() as u8);
+    }
+    bytes
 }
 
 #[cfg(test)]

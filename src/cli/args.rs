@@ -185,8 +185,8 @@ pub struct RenderArgs {
     /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`.
     #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
     pub inputs: Vec<Input>,
-    /// The picture to write.
-    #[arg(short, long, value_name = "OUT.png")]
+    /// The picture to write. EXR has linear light, premultiplied, without background, and the depth along the view (Z).
+    #[arg(short, long, value_name = "OUT.png|OUT.exr")]
     pub output: PathBuf,
     #[command(flatten)]
     pub view: ViewArgs,

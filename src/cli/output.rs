@@ -8,6 +8,10 @@ use anyhow::{Context, Result, bail};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
+use surfel::exr::FloatPicture;
+use surfel::readback::{Picture, encode};
+use surfel::select::View;
+
 use super::Usage;
 
 /// A name beside `path` that nobody else uses.
@@ -66,14 +70,34 @@ pub fn write(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Re
     done.with_context(|| format!("{}: cannot be written", path.display()))
 }
 
-/// Only PNG is written, so another ending would lie.
-pub fn check_png_name(path: &Path) -> Result<()> {
-    let png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
-    if !png {
-        let text = format!("{}: the picture's name must end in .png, the only format that is written", path.display());
+/// Whether the picture is written in float, with its depth; another ending than these two would lie.
+pub fn is_float(path: &Path) -> Result<bool> {
+    let ends = |with: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(with));
+    if !ends("png") && !ends("exr") {
+        let text =
+            format!("{}: the picture's name must end in .png or .exr, the formats that are written", path.display());
         return Err(Usage(text).into());
     }
-    Ok(())
+    Ok(ends("exr"))
+}
+
+/// A picture as the device left it, with linear depth.
+pub fn float(picture: Picture, view: &View) -> FloatPicture {
+    let Picture { width, height, rgba, depth } = picture;
+    let view = view.right_handed();
+    let linear = |z: f32| if z as f64 == view.depth.far() { f32::INFINITY } else { view.linear_depth(z as f64) as f32 };
+    let depth = depth.map(|d| d.into_iter().map(linear).collect());
+    FloatPicture { width, height, rgba, coverage: true, depth }
+}
+
+/// Writes a picture in the format of the name: PNG over the background, EXR as it is.
+pub fn picture(path: &Path, picture: &FloatPicture, background: [u8; 4]) -> Result<()> {
+    let FloatPicture { width, height, rgba, .. } = picture;
+    if is_float(path)? {
+        let bytes = picture.to_bytes(path)?;
+        return write(path, |out| Ok(out.write_all(&bytes)?));
+    }
+    png(path, *width, *height, &encode(rgba, background))
 }
 
 /// Writes RGBA rows from the top; without alpha where every pixel is opaque, which more programs show as it is.
@@ -97,9 +121,9 @@ mod tests {
 
     #[test]
     fn names_and_folders() {
-        assert!(check_png_name(Path::new("a/b.PNG")).is_ok());
+        assert!(!is_float(Path::new("a/b.PNG")).unwrap() && is_float(Path::new("b.exr")).unwrap());
         for bad in ["a.jpg", "png", ".png", "a.png/"] {
-            let refused = check_png_name(Path::new(bad)).is_err();
+            let refused = is_float(Path::new(bad)).is_err();
             assert!(refused || bad == "a.png/", "{bad}");
         }
         let folder = std::env::temp_dir();

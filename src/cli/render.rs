@@ -22,7 +22,7 @@ use super::{Outcome, frames, look, memory, output};
 
 /// Renders. What can be refused is refused before anything long begins: usage, outputs, device, size, then the files.
 pub fn run(args: &RenderArgs) -> Result<Outcome> {
-    output::check_png_name(&args.output)?;
+    let float = output::is_float(&args.output)?;
     let pose = scene::pose(&args.view)?;
     let technique = look::technique(&args.technique, &args.look)?;
     output::check(&args.output)?;
@@ -44,7 +44,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     let device = standalone.info.clone();
     let [width, height] = args.view.size;
     fits(&device, args.view.size)?;
-    let mut offscreen = Offscreen::new(standalone, vk::Extent2D { width, height }, false)?;
+    let mut offscreen = Offscreen::new(standalone, vk::Extent2D { width, height }, float)?;
     let done = picture(args, pose, technique, device, &mut offscreen);
     // Whatever happened: destroyed in order, so that the layers can tell what was left alive.
     let messages = offscreen.destroy().close();
@@ -95,7 +95,7 @@ fn picture(
     let picture = offscreen.read()?;
     {
         let _step = progress.step("write the picture", 1);
-        output::png(&args.output, picture.width, picture.height, &picture.encode(args.background))?;
+        output::picture(&args.output, &output::float(picture, &view), args.background)?;
     }
     let mut skipped = Vec::new();
     if args.technique.threshold.is_some() {

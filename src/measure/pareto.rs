@@ -3,7 +3,8 @@
 /// Indices of the points (cost, error) that no other point beats, by growing cost. A point is beaten by one that is no
 /// worse in both and better in one; of equal points the first stays. Points that are not finite are left out.
 pub fn pareto(points: &[(f64, f64)]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..points.len()).filter(|&i| points[i].0.is_finite() && points[i].1.is_finite()).collect();
+    let mut order: Vec<usize> =
+        (0..points.len()).filter(|&i| points[i].0.is_finite() && points[i].1.is_finite()).collect();
     order.sort_by(|&a, &b| {
         let (a, b) = (points[a], points[b]);
         a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
@@ -23,7 +24,16 @@ mod tests {
 
     #[test]
     fn only_what_nothing_beats() {
-        let points = [(3.0, 1.0), (1.0, 5.0), (2.0, 5.0), (2.0, 2.0), (2.0, 2.0), (4.0, 1.0), (f64::NAN, 0.0), (0.5, f64::INFINITY)];
+        let points = [
+            (3.0, 1.0),
+            (1.0, 5.0),
+            (2.0, 5.0),
+            (2.0, 2.0),
+            (2.0, 2.0),
+            (4.0, 1.0),
+            (f64::NAN, 0.0),
+            (0.5, f64::INFINITY),
+        ];
         assert_eq!(pareto(&points), [1, 3, 0]);
         assert_eq!(pareto(&[]), [] as [usize; 0]);
         // Equal cost: the better one alone.

@@ -35,11 +35,15 @@ impl Journal {
                 if read == 0 || !line.ends_with('\n') {
                     break;
                 }
-                let broken = || format!("{}: line {number}: not a line of a journal; remove the folder to begin again", name());
+                let broken =
+                    || format!("{}: line {number}: not a line of a journal; remove the folder to begin again", name());
                 if number == 1 {
                     let before: Value = serde_json::from_str(&line).with_context(broken)?;
                     differences(&before, common).map_or(Ok(()), |what| {
-                        bail!("{}: this folder holds a bench of another kind ({what}): choose or remove one", folder.display())
+                        bail!(
+                            "{}: this folder holds a bench of another kind ({what}): choose or remove one",
+                            folder.display()
+                        )
                     })?;
                 } else {
                     let record: Record = serde_json::from_str(&line).with_context(broken)?;
@@ -79,10 +83,12 @@ impl Journal {
 fn differences(before: &Value, now: &Value) -> Option<String> {
     let (Some(before), Some(now)) = (before.as_object(), now.as_object()) else { return Some("not a journal".into()) };
     let keys = before.keys().chain(now.keys());
-    keys.filter(|k| before.get(*k) != now.get(*k)).map(|k| {
-        let show = |v: Option<&Value>| v.map_or("nothing".into(), Value::to_string);
-        format!("{k} was {}, now {}", show(before.get(k)), show(now.get(k)))
-    }).next()
+    keys.filter(|k| before.get(*k) != now.get(*k))
+        .map(|k| {
+            let show = |v: Option<&Value>| v.map_or("nothing".into(), Value::to_string);
+            format!("{k} was {}, now {}", show(before.get(k)), show(now.get(k)))
+        })
+        .next()
 }
 
 #[cfg(test)]

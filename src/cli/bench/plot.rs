@@ -74,9 +74,7 @@ pub fn svg(plot: &Plot) -> Result<Option<String>> {
             }
             steps.push(*p);
         }
-        chart
-            .draw_series(LineSeries::new(steps, RGBColor(150, 150, 150).stroke_width(2)))
-            .map_err(|e| wrong(&e))?;
+        chart.draw_series(LineSeries::new(steps, RGBColor(150, 150, 150).stroke_width(2))).map_err(|e| wrong(&e))?;
         for (i, series) in plot.series.iter().enumerate() {
             let color = COLORS[i % COLORS.len()];
             let points: Vec<(f64, f64)> = series.points.iter().filter(shown).copied().collect();

@@ -113,8 +113,21 @@ const COLUMNS: &[(&str, fn(&Record) -> Option<f64>)] = &[
 
 /// Errors in the table.
 const ERRORS: &[&str] = &[
-    "rmse", "psnr", "psnr_covered", "rmse_interior", "ssim", "flip", "max", "max_alpha", "over", "holes", "holes_inside",
-    "spill", "outline", "depth_median", "depth_max",
+    "rmse",
+    "psnr",
+    "psnr_covered",
+    "rmse_interior",
+    "ssim",
+    "flip",
+    "max",
+    "max_alpha",
+    "over",
+    "holes",
+    "holes_inside",
+    "spill",
+    "outline",
+    "depth_median",
+    "depth_max",
 ];
 
 /// The records as comma-separated values, with a header (RFC 4180; empty where there is no value).
@@ -123,7 +136,8 @@ pub fn csv(records: &[Record]) -> String {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.to_owned(),
     };
-    let mut header = vec!["input", "samples", "technique", "ellipse", "scale", "tolerance", "sums", "view", "width", "height"];
+    let mut header =
+        vec!["input", "samples", "technique", "ellipse", "scale", "tolerance", "sums", "view", "width", "height"];
     header.extend(COLUMNS.iter().map(|(name, _)| name));
     header.extend(ERRORS);
     header.extend(["truth", "picture"]);

@@ -92,7 +92,8 @@ fn plots(of: &[&Point]) -> Result<String> {
         let pairs: Vec<(f64, f64)> = of.iter().map(|p| (p.ms, error(p).unwrap_or(f64::NAN))).collect();
         let front = measure::pareto(&pairs).into_iter().map(|i| pairs[i]).collect();
         let title = format!("Time against {name}");
-        let plot = Plot { title: &title, x: "median time a frame [ms]", y: name, series: curve(error, |p| Some(p.ms)), front };
+        let plot =
+            Plot { title: &title, x: "median time a frame [ms]", y: name, series: curve(error, |p| Some(p.ms)), front };
         text += &svg(&plot)?.unwrap_or_default();
     }
     if sampled {
@@ -148,8 +149,7 @@ fn pictures(of: &[&Point], args: &SweepArgs, out: &Path) -> Result<String> {
     let mut text = String::new();
     let first = &of[0].first;
     let truth = surfel::exr::FloatPicture::read(out.join(&first.truth_file))?;
-    let bytes = surfel::readback::Picture { width: truth.width, height: truth.height, rgba: truth.rgba, depth: None }
-        .encode(args.background);
+    let bytes = surfel::readback::encode(&truth.rgba, args.background);
     let truth = image::RgbaImage::from_raw(truth.width, truth.height, bytes).context("as many bytes as pixels")?;
     text += &figure(&truth, "truth")?;
     for p in of {
@@ -169,7 +169,9 @@ fn figure(picture: &image::RgbaImage, caption: &str) -> Result<String> {
     small.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
     let data = base64::engine::general_purpose::STANDARD.encode(png);
     let caption = escape(caption);
-    Ok(format!("<figure><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>\n"))
+    Ok(format!(
+        "<figure><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>\n"
+    ))
 }
 
 fn escape(text: &str) -> String {

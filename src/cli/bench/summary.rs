@@ -98,7 +98,11 @@ pub fn table(records: &[Record]) -> String {
         let front = measure::pareto(&of.iter().map(|p| (p.ms, p.rmse)).collect::<Vec<_>>());
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{scene}");
-        let _ = writeln!(text, "    {:<40} {:>9} {:>19} {:>10} {:>8} {:>8} {:>7} {:>7}", "", "ms", "quartiles", "M points/s", "RMSE", "FLIP", "holes", "spill");
+        let _ = writeln!(
+            text,
+            "    {:<40} {:>9} {:>19} {:>10} {:>8} {:>8} {:>7} {:>7}",
+            "", "ms", "quartiles", "M points/s", "RMSE", "FLIP", "holes", "spill"
+        );
         for (i, p) in of.iter().enumerate() {
             let number = |v: Option<f64>, digits: usize| v.map_or("-".into(), |v| format!("{v:.digits$}"));
             let _ = writeln!(

@@ -217,7 +217,8 @@ impl Bench<'_> {
             records.push(self.judge(off, view, way, stats, truth)?);
         }
         let total = (self.args.rounds as usize * ways.len()) as u64;
-        let step = self.progress.step(format!("view {} of {}", ways[0].combination.view[0] + 1, self.args.views), total);
+        let step =
+            self.progress.step(format!("view {} of {}", ways[0].combination.view[0] + 1, self.args.views), total);
         for round in 0..self.args.rounds as usize {
             for (i, (way, record)) in ways.iter().zip(&mut records).enumerate() {
                 step.set((round * ways.len() + i) as u64, total);
@@ -234,24 +235,14 @@ impl Bench<'_> {
         records.into_iter().try_for_each(|record| self.journal.add(record))
     }
 
-    fn judge(
-        &self,
-        off: &mut Offscreen,
-        view: &View,
-        way: &Way,
-        stats: FrameStats,
-        truth: &Truth,
-    ) -> Result<Record> {
+    fn judge(&self, off: &mut Offscreen, view: &View, way: &Way, stats: FrameStats, truth: &Truth) -> Result<Record> {
         let combination = way.combination.clone();
-        let picture = off.read()?;
-        let (width, height) = (picture.width, picture.height);
-        let rgba: Vec<[f64; 4]> = picture.rgba.iter().map(|p| p.map(f64::from)).collect();
-        let [r, g, b, _] = self.args.background;
-        let mut image = Image::from_linear(width, height, &rgba, [r, g, b]);
-        image.depth = picture.depth.as_ref().map(|d| d.iter().map(|&z| view.linear_depth(z as f64)).collect());
-        let difference = measure::compare(&truth.image, &image, TOLERANCE as f64 / 255.0).with_context(|| combination.key())?;
+        let picture = output::float(off.read()?, view);
+        let image = truth::image(&picture, self.args.background);
+        let difference =
+            measure::compare(&truth.image, &image, TOLERANCE as f64 / 255.0).with_context(|| combination.key())?;
         let file = format!("pictures/{:016x}.png", super::hash(&combination.key()));
-        output::png(&self.out.join(&file), width, height, &picture.encode(self.args.background))?;
+        output::picture(&self.out.join(&file), &picture, self.args.background)?;
         Ok(Record {
             points_submitted: stats.points_submitted,
             points_drawn: stats.points_drawn.unwrap_or(0),

@@ -45,7 +45,9 @@ impl Source {
     pub fn name(&self) -> String {
         match self {
             Source::Mesh(_) => format!("ray cast of the faces, {MESH_SIDE} x {MESH_SIDE} samples a pixel"),
-            Source::Points(_) => format!("two-pass in f64 of all points, {POINTS_SIDE} x {POINTS_SIDE} samples a pixel"),
+            Source::Points(_) => {
+                format!("two-pass in f64 of all points, {POINTS_SIDE} x {POINTS_SIDE} samples a pixel")
+            }
         }
     }
 
