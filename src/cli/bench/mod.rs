@@ -9,8 +9,6 @@ mod summary;
 mod sweep;
 mod truth;
 
-use std::io::Write;
-
 use anyhow::{Context, Result, bail};
 use serde_json::json;
 

@@ -1,7 +1,14 @@
 //! Plots as SVG text.
 
+use std::ops::Range;
+
 use anyhow::{Result, anyhow};
 use plotters::prelude::*;
+
+/// Of the plot, and of the names beside it \[px\].
+const WIDTH: u32 = 620;
+const LEGEND: u32 = 330;
+const HEIGHT: u32 = 420;
 
 /// Values of one kind.
 pub struct Series {
@@ -48,14 +55,17 @@ pub fn svg(plot: &Plot) -> Result<Option<String>> {
     let mut text = String::new();
     {
         let wrong = |e: &dyn std::fmt::Display| anyhow!("plot: {e}");
-        let root = SVGBackend::with_string(&mut text, (760, 460)).into_drawing_area();
+        let root = SVGBackend::with_string(&mut text, (WIDTH + LEGEND, HEIGHT)).into_drawing_area();
         root.fill(&WHITE).map_err(|e| wrong(&e))?;
-        let mut chart = ChartBuilder::on(&root)
+        let (area, legend) = root.split_horizontally(WIDTH);
+        let (x, y) = (range(|p| p.0), range(|p| p.1));
+        let (x_ticks, y_ticks) = (ticks(&x), ticks(&y));
+        let mut chart = ChartBuilder::on(&area)
             .caption(plot.title, ("sans-serif", 17))
             .margin(10)
             .x_label_area_size(40)
             .y_label_area_size(70)
-            .build_cartesian_2d(range(|p| p.0).log_scale(), range(|p| p.1).log_scale())
+            .build_cartesian_2d(x.log_scale().with_key_points(x_ticks), y.log_scale().with_key_points(y_ticks))
             .map_err(|e| wrong(&e))?;
         chart
             .configure_mesh()
@@ -63,8 +73,8 @@ pub fn svg(plot: &Plot) -> Result<Option<String>> {
             .y_desc(plot.y)
             .x_label_formatter(&|v| short(*v))
             .y_label_formatter(&|v| short(*v))
-            .light_line_style(RGBColor(238, 238, 238))
-            .bold_line_style(RGBColor(215, 215, 215))
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(RGBColor(225, 225, 225))
             .draw()
             .map_err(|e| wrong(&e))?;
         let mut steps: Vec<(f64, f64)> = Vec::new();
@@ -82,23 +92,33 @@ pub fn svg(plot: &Plot) -> Result<Option<String>> {
                 chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2))).map_err(|e| wrong(&e))?;
             }
             // Beyond the colours the shapes differ: full, then hollow.
-            let fill = if i / COLORS.len() % 2 == 0 { color.filled() } else { color.stroke_width(2) };
-            chart
-                .draw_series(points.iter().map(|p| Circle::new(*p, 5, fill)))
-                .map_err(|e| wrong(&e))?
-                .label(&series.name)
-                .legend(move |(x, y)| Circle::new((x + 8, y), 5, fill));
+            let fill = if (i / COLORS.len()).is_multiple_of(2) { color.filled() } else { color.stroke_width(2) };
+            chart.draw_series(points.iter().map(|p| Circle::new(*p, 5, fill))).map_err(|e| wrong(&e))?;
+            let y = 45 + 18 * i as i32;
+            legend.draw(&Circle::new((12, y), 5, fill)).map_err(|e| wrong(&e))?;
+            let name = Text::new(series.name.as_str(), (24, y - 6), ("sans-serif", 13).into_font());
+            legend.draw(&name).map_err(|e| wrong(&e))?;
         }
-        chart
-            .configure_series_labels()
-            .background_style(WHITE.mix(0.85))
-            .border_style(RGBColor(190, 190, 190))
-            .label_font(("sans-serif", 12))
-            .draw()
-            .map_err(|e| wrong(&e))?;
         root.present().map_err(|e| wrong(&e))?;
     }
     Ok(Some(text))
+}
+
+/// Some five to ten round numbers in a range above zero: multiples of a step within a decade, else 1, 2 and 5 times powers
+/// of ten, or these powers alone.
+fn ticks(range: &Range<f64>) -> Vec<f64> {
+    let (low, high) = (range.start, range.end);
+    let decades = (high / low).log10();
+    if decades < 1.0 {
+        let rough = (high - low) / 6.0;
+        let power = 10f64.powi(rough.log10().floor() as i32);
+        let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| *s >= rough).unwrap_or(rough);
+        return ((low / step).ceil() as i64..=(high / step).floor() as i64).map(|k| k as f64 * step).collect();
+    }
+    let mantissas: &[f64] = if decades < 4.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+    let powers = low.log10().floor() as i32..=high.log10().ceil() as i32;
+    let all = powers.flat_map(|p| mantissas.iter().map(move |m| m * 10f64.powi(p)));
+    all.filter(|t| range.contains(t)).collect()
 }
 
 /// Three digits, and an exponent only where it is shorter.
@@ -126,6 +146,20 @@ mod tests {
         assert!(text.contains("a &amp; b") && text.contains("RMSE"));
         assert!(svg(&plot(vec![series(&[(0.0, 1.0)])])).unwrap().is_none());
         assert!(svg(&plot(vec![series(&[(5.0, 1.0)])])).unwrap().is_some(), "a single point has an axis too");
+    }
+
+    #[test]
+    fn ticks_are_round_and_enough() {
+        assert_eq!(ticks(&(85.0..290.0)), [100.0, 150.0, 200.0, 250.0]);
+        assert_eq!(ticks(&(0.8..60.0)), [1.0, 2.0, 5.0, 10.0, 20.0, 50.0]);
+        assert_eq!(ticks(&(2e-6..3.0)).len(), 6);
+        for i in 0..200 {
+            let low = 1.37f64.powi(i - 100);
+            for ratio in [1.3, 2.0, 9.0, 11.0, 1e3, 1e5] {
+                let n = ticks(&(low..low * ratio)).len();
+                assert!((2..=12).contains(&n), "{low} {ratio}: {n}");
+            }
+        }
     }
 
     #[test]

@@ -100,8 +100,11 @@ impl Record {
     }
 }
 
-/// Columns of the table after the combination's, and how to get them.
-const COLUMNS: &[(&str, fn(&Record) -> Option<f64>)] = &[
+/// A column of the table, and how to get it.
+type Column = (&'static str, fn(&Record) -> Option<f64>);
+
+/// Columns after the combination's.
+const COLUMNS: &[Column] = &[
     ("points_submitted", |r| Some(r.points_submitted as f64)),
     ("points_drawn", |r| Some(r.points_drawn as f64)),
     ("gpu_ms_median", |r| Summary::of(&r.gpu_ms).map(|s| s.median)),

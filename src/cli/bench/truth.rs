@@ -64,7 +64,7 @@ impl Source {
             Source::Mesh(surfaces) => {
                 let instances: Vec<MeshInstance> =
                     surfaces.iter().map(|surface| MeshInstance { surface, transform: DMat4::IDENTITY }).collect();
-                let scene = MeshScene { instances: &instances, view, width, height, style, host_depth: None };
+                let scene = MeshScene { instances: &instances, view, width, height, style };
                 reference::ray_cast(&scene, MESH_SIDE)
             }
             Source::Points(flats) => {
