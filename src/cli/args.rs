@@ -227,20 +227,38 @@ pub struct InfoArgs {
     pub json: bool,
 }
 
+/// What a picture of the error shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ErrorMapKind {
+    /// What one would notice, flipping between the pictures: FLIP, black for none to light yellow.
+    Flip,
+    /// The absolute error of each colour, 32 times as strong.
+    Absolute,
+}
+
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// A picture.
-    #[arg(value_name = "A.png")]
-    pub a: PathBuf,
-    /// Another of the same size.
-    #[arg(value_name = "B.png")]
-    pub b: PathBuf,
+    /// The picture that is right: PNG, or EXR with linear, premultiplied colours, coverage and depth.
+    #[arg(value_name = "TRUTH")]
+    pub truth: PathBuf,
+    /// The picture that is judged, of the same size.
+    #[arg(value_name = "PICTURE")]
+    pub picture: PathBuf,
     /// For programs.
     #[arg(long)]
     pub json: bool,
     /// Counts the pixels in which a channel differs by more than this, of 255.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub tolerance: u8,
+    /// What an EXR is shown over, and a transparent PNG where the other is an EXR.
+    #[arg(long, value_name = "RRGGBB", default_value = "1d1f23", value_parser = parse::color)]
+    pub background: [u8; 4],
+    /// Writes a picture of the error.
+    #[arg(long, value_name = "OUT.png")]
+    pub difference: Option<PathBuf>,
+    /// What the picture of the error shows.
+    #[arg(long, value_enum, default_value = "flip", requires = "difference")]
+    pub map: ErrorMapKind,
 }
 
 #[derive(Debug, Args)]

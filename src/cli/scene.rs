@@ -110,16 +110,12 @@ pub fn readable(inputs: &[Input], outputs: &[&Path]) -> Result<()> {
     for input in inputs {
         if let Input::File(path) = input {
             std::fs::metadata(path).with_context(|| path.display().to_string())?;
-            if outputs.iter().any(|o| same(path, o)) {
+            if outputs.iter().any(|o| super::output::same(path, o)) {
                 bail!("{}: is an input, and would be overwritten", path.display());
             }
         }
     }
     Ok(())
-}
-
-fn same(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// Normals and radii, unless nothing in the picture depends on them.
