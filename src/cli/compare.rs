@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use surfel::exr::{FloatPicture, MAGIC};
 use surfel::measure::{Difference, Image, compare, difference, flip};
@@ -33,7 +33,7 @@ pub fn run(args: &CompareArgs) -> Result<Outcome> {
         let rgba: Vec<u8> = rgb.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
         output::png(out, truth.width, truth.height, &rgba)?;
     }
-    let text = if args.json { as_json(&d, args.tolerance) } else { as_text(&d, args.tolerance) };
+    let text = if args.json { format!("{:#}\n", value(&d, args.tolerance)) } else { as_text(&d, args.tolerance) };
     super::print(&text)?;
     Ok(Outcome::Done)
 }
@@ -83,10 +83,10 @@ fn error_picture(truth: &Image, picture: &Image, map: ErrorMapKind) -> Result<Ve
 }
 
 /// Decibels are null where the pictures are equal: JSON has no infinity.
-fn as_json(d: &Difference, tolerance: u8) -> String {
+pub fn value(d: &Difference, tolerance: u8) -> Value {
     let finite = |v: f64| v.is_finite().then_some(v);
     let (silhouette, interior, depth) = (d.silhouette, d.interior, d.depth);
-    let value = json!({
+    json!({
         "pixels": d.pixels,
         "equal": d.rmse == 0.0 && d.max_alpha.is_none_or(|a| a == 0.0),
         "rmse": d.rmse,
@@ -118,8 +118,7 @@ fn as_json(d: &Difference, tolerance: u8) -> String {
         "tolerance": tolerance,
         "over": d.over,
         "blank": d.blank,
-    });
-    format!("{value:#}\n")
+    })
 }
 
 fn as_text(d: &Difference, tolerance: u8) -> String {

@@ -94,9 +94,9 @@ impl Record {
         Summary::of(self.times())
     }
 
-    /// An error by its key; `None` where it has no value.
+    /// An error by its key, `depth/max` for one of the depth; `None` where it has no value.
     pub fn error(&self, key: &str) -> Option<f64> {
-        self.errors[key].as_f64()
+        self.errors.pointer(&format!("/{key}"))?.as_f64()
     }
 }
 
@@ -129,8 +129,9 @@ const ERRORS: &[&str] = &[
     "holes_inside",
     "spill",
     "outline",
-    "depth_median",
-    "depth_max",
+    "depth/median",
+    "depth/p99",
+    "depth/max",
 ];
 
 /// The records as comma-separated values, with a header (RFC 4180; empty where there is no value).

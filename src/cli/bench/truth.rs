@@ -98,11 +98,8 @@ impl Source {
 
 /// For comparing, over a background.
 pub fn image(picture: &FloatPicture, background: [u8; 4]) -> Image {
-    let rgba: Vec<[f64; 4]> = picture.rgba.iter().map(|p| p.map(f64::from)).collect();
     let [r, g, b, _] = background;
-    let mut image = Image::from_linear(picture.width, picture.height, &rgba, [r, g, b]);
-    image.depth = picture.depth.as_ref().map(|d| d.iter().map(|z| *z as f64).collect());
-    image
+    Image::from_float(picture, [r, g, b])
 }
 
 /// Where the truth of a view is kept, relative to the folder. `state` names all that it depends on beside view and size.
