@@ -215,6 +215,7 @@ impl Renderer {
                     input.extent,
                     &instance.transform,
                     flat.origin,
+                    flat.bounds(),
                     input.style,
                     plan.disc,
                     sprite_limit.min(3e38) as f32,

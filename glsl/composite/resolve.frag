@@ -71,7 +71,7 @@ void main() {
     float alpha = solid ? 1.0 : min(1.0, 2.0 * sum.a);
     out_color = vec4(c * alpha, alpha);
     float depth = WRITE_DEPTH
-        ? (p.host_depth.x * z + p.host_depth.y) / (p.host_depth.z * z + p.host_depth.w)
+        ? p.host_depth.x + (p.depth_map.z != 0.0 ? p.host_depth.y / z : p.host_depth.y * z)
         : gl_FragCoord.z;
     // Beyond a finite far plane the host draws nothing.
     if (depth < 0.0 || depth > 1.0) {

@@ -9,10 +9,11 @@ void main() {
     ivec2 at = ivec2(floor(gl_FragCoord.xy + frame.offset));
     float depth = texelFetch(host_depth, ivec3(at, push.view), 0).x;
     ViewParams p = frame.views[push.view];
-    // Inverse of host depth = (x z + y) / (z z + w); where the host's far plane is infinite, nothing is there: depth 0.
-    float denominator = depth * p.host_depth.z - p.host_depth.x;
-    float z = (p.host_depth.y - depth * p.host_depth.w) / denominator;
-    bool infinite = denominator == 0.0 || (p.depth_map.z != 0.0 && z <= 0.0);
+    // The difference is exact where standard depth is crowded; where the host's far plane is infinite, nothing is there.
+    bool perspective = p.depth_map.z != 0.0;
+    float beyond = depth - p.host_depth.x;
+    float z = perspective ? p.host_depth.y / beyond : beyond / p.host_depth.y;
+    bool infinite = perspective && (beyond == 0.0 || z <= 0.0);
     float d = (p.depth_map.x * z + p.depth_map.y) / (p.depth_map.z * z + p.depth_map.w);
     gl_FragDepth = infinite ? 0.0 : clamp(d, 0.0, 1.0);
 }

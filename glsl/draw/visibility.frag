@@ -4,7 +4,7 @@
 
 void main() {
     float z;
-    if (footprint(gl_FragCoord.xy, z) > 1.0) {
+    if (footprint(gl_FragCoord.xy - params.middle, z) > 1.0) {
         discard;
     }
     gl_FragDepth = internal_depth(z + v_plane.w);

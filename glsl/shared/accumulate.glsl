@@ -6,7 +6,7 @@
 // Also sets the depth that the fixed test compares. False: nothing here.
 bool accumulate(out vec4 color, out vec4 surface) {
     float z;
-    float u2 = footprint(gl_FragCoord.xy, z);
+    float u2 = footprint(gl_FragCoord.xy - params.middle, z);
     if (u2 > 1.0) {
         return false;
     }

@@ -18,5 +18,5 @@ void emit_attributes(Splat s, uint color) {
 }
 
 vec4 clip_position(vec2 pixel, float z) {
-    return vec4(pixel / params.viewport * 2.0 - 1.0, clamp(internal_depth(max(z, params.near)), 0.0, 1.0), 1.0);
+    return vec4(pixel / params.middle, clamp(internal_depth(max(z, params.near)), 0.0, 1.0), 1.0);
 }

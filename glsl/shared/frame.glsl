@@ -7,7 +7,7 @@ struct ViewParams {
     vec4 ray_x;
     vec4 ray_y;
     vec4 depth_map;     // internal depth from linear depth, as in DrawParams
-    vec4 host_depth;    // host's depth = (host_depth.x z + host_depth.y) / (host_depth.z z + host_depth.w)
+    vec4 host_depth;    // host's depth = host_depth.x + host_depth.y / z, orthographic: host_depth.x + host_depth.y z
 };
 
 layout(set = 0, binding = 0, std140) uniform FrameParams {

@@ -1,7 +1,9 @@
 // What one cloud in one view needs. Twin: src/gpu/layout.rs.
-// Eye space: x right, y up, the viewer looks along −z. Linear depth z = −z_eye [world units]. Pixels: x right, y down.
+// Eye space: x right, y up, the viewer looks along −z. Linear depth z = −z_eye [world units]. Pixels: x right, y down, from
+// the picture's middle: floats are twice as fine there as from a corner, and the middle's rays need no correction.
 layout(set = 0, binding = 0, std140) uniform DrawParams {
-    mat4 eye_from_cloud;    // rotation, uniform scale, translation; origins already subtracted in f64
+    mat3x4 eye_from_cloud;  // rows, to multiply (position − about, 1) from the right: rotation, uniform scale, translation
+    vec4 about;             // the point that positions are taken from before they are turned
     vec4 pixel_x;           // (pixel_x · P) / (pixel_w · P) is the pixel's x of the eye-space point P = (p, 1)
     vec4 pixel_y;
     vec4 pixel_w;           // equals the linear depth (perspective) or 1 (orthographic)
@@ -11,7 +13,7 @@ layout(set = 0, binding = 0, std140) uniform DrawParams {
     vec4 ray_y;
     vec4 depth_map;         // internal depth d = (depth_map.x z + depth_map.y) / (depth_map.z z + depth_map.w), 1 is near
     vec4 base_color;        // linear light, for clouds without colours
-    vec2 viewport;          // [px]
+    vec2 middle;            // half the picture's size [px]
     float near;             // linear depth of the near plane [world units]
     float radius_scale;     // style × instance; 1/√2 of that for hard discs
     float tolerance_absolute;

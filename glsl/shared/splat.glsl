@@ -24,11 +24,11 @@ struct Splat {
     float radius;   // [world units]
     float epsilon;  // depth tolerance [world units]
     float depth;    // linear
-    vec2 pixel;     // of the centre; far outside where that is before the near plane
+    vec2 pixel;     // of the centre, from the picture's middle; far outside where that is before the near plane
     vec4 inverse;   // rows of the matrix that takes d to (a0, b0)
     vec2 slope;     // depth along r t1 and r t2
     float perspective;  // 1/w for perspective, else 0: h = slope · perspective
-    vec4 box;       // min and max [px] of the footprint within the picture
+    vec4 box;       // min and max [px] of the footprint within the picture, from its middle
 };
 
 // What the low-pass spreads a splat over counts as its radius: a pixel's width on its plane, tan θ times as deep as
@@ -66,12 +66,15 @@ vec4 clipped_box(vec3 c, vec3 e1, vec3 e2) {
     vec4 box = vec4(1e30, 1e30, -1e30, -1e30);
     vec2 slope = -vec2(e1.z, e2.z);
     vec3 w = vec3(dot(params.pixel_w, vec4(c, 1.0)), dot(params.pixel_w.xyz, e1), dot(params.pixel_w.xyz, e2));
+    // Only ratios matter: products of four such numbers must not leave the range of floats.
+    w /= max(max(abs(w.x), abs(w.y)), max(abs(w.z), 1e-37));
     for (float side = -1.0; side < 2.0; side += 2.0) {
         // Rounding must not lose an end of the chord: it lies in the plane, whatever was computed.
         grow(box, c, e1, e2, on_circle(slope, params.near + c.z, side), -1e30);
         for (int axis = 0; axis < 2; axis++) {
             vec4 row = axis == 0 ? params.pixel_x : params.pixel_y;
             vec3 x = vec3(dot(row, vec4(c, 1.0)), dot(row.xyz, e1), dot(row.xyz, e2));
+            x /= max(max(abs(x.x), abs(x.y)), max(abs(x.z), 1e-37));
             vec2 along = vec2(x.z * w.x - x.x * w.z, x.x * w.y - x.y * w.x);
             grow(box, c, e1, e2, on_circle(along, x.y * w.z - x.z * w.y, side), params.near);
         }
@@ -82,8 +85,9 @@ vec4 clipped_box(vec3 c, vec3 e1, vec3 e2) {
 Splat project(vec4 geometry, uint normal_code) {
     Splat s;
     s.status = INVALID;
-    s.radius = geometry.w * params.radius_scale;
-    s.centre = (params.eye_from_cloud * vec4(geometry.xyz, 1.0)).xyz;
+    // Squares of radii must not leave the range of floats: smaller and larger disks are points and planes.
+    s.radius = clamp(geometry.w * params.radius_scale, 1e-18, 1e18);
+    s.centre = vec4(geometry.xyz - params.about.xyz, 1.0) * params.eye_from_cloud;
     s.depth = -s.centre.z;
     s.normal = vec3(0.0, 0.0, 1.0);
     s.pixel = vec2(-1e15);
@@ -92,8 +96,9 @@ Splat project(vec4 geometry, uint normal_code) {
     s.epsilon = 0.0;
     s.perspective = 0.0;
     s.box = vec4(0.0);
-    // Also false for NaN; infinities fail the upper bounds.
-    if (!(s.radius > 0.0 && s.radius < 1e30 && dot(abs(s.centre), vec3(1.0)) < 1e30)) {
+    // Also false for NaN; infinities fail the upper bounds. The stored radius is asked, since a product may be flushed to 0.
+    bool sized = geometry.w > 0.0 && !isinf(geometry.w) && params.radius_scale > 0.0;
+    if (!(sized && dot(abs(s.centre), vec3(1.0)) < 1e30)) {
         return s;
     }
 
@@ -101,7 +106,7 @@ Splat project(vec4 geometry, uint normal_code) {
     vec3 v = normalize(perspective ? s.centre - params.eye.xyz : -params.eye.xyz);
     s.normal = -v;
     if (HAS_NORMAL && normal_code != NO_NORMAL) {
-        s.normal = normalize(mat3(params.eye_from_cloud) * octahedral(normal_code));
+        s.normal = normalize(vec4(octahedral(normal_code), 0.0) * params.eye_from_cloud);
         if (dot(s.normal, v) > 0.0) {
             if (CULL_BACK) {
                 s.status = BACK_FACE;
@@ -186,7 +191,7 @@ Splat project(vec4 geometry, uint normal_code) {
         }
     }
     // What the picture shows of the box; its centre lies inside the clip volume by construction.
-    s.box = vec4(max(s.box.xy, vec2(0.0)), min(s.box.zw, params.viewport));
+    s.box = vec4(max(s.box.xy, -params.middle), min(s.box.zw, params.middle));
     vec2 size = s.box.zw - s.box.xy;
     if (!(size.x > 0.0 && size.y > 0.0)) {
         s.status = OUTSIDE;

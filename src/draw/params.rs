@@ -1,7 +1,7 @@
 //! A view and an instance as the shaders take them. All differences of large numbers are taken here, in f64.
 
 use ash::vk;
-use glam::{DMat4, DVec3, DVec4, dvec3, dvec4};
+use glam::{DMat4, DVec3, DVec4, Vec3, dvec2, dvec3, dvec4};
 
 use crate::gpu::layout::{DrawParams, FrameParams, MAX_VIEWS, ViewParams};
 use crate::select::View;
@@ -23,8 +23,9 @@ pub struct Camera {
     pub ray: [DVec3; 3],
     /// Internal depth (reversed, 1 at the near plane) from linear depth: (x z + y) / (z z + w).
     pub depth_map: DVec4,
-    /// The host's depth from linear depth, likewise.
-    pub host_depth: DVec4,
+    /// The host's depth from linear depth z: a + b / z (perspective) or a + b z. A quotient of two sums would lose the last
+    /// bits of standard depth, of which there are few far away.
+    pub host_depth: [f64; 2],
     /// Linear depth of the near plane.
     pub near: f64,
     view: DMat4,
@@ -70,7 +71,7 @@ impl Camera {
             eye,
             ray,
             depth_map,
-            host_depth: dvec4(-r2.z, r2.w, -r3.z, r3.w),
+            host_depth: if perspective { [-r2.z / -r3.z, r2.w / -r3.z] } else { [r2.w / r3.w, -r2.z / r3.w] },
             near,
             view: view.view,
         }
@@ -82,31 +83,62 @@ impl Camera {
         (m, scale(transform))
     }
 
-    /// The shaders' block of one cloud.
+    /// The point of cloud coordinates that the shaders take positions from, rounded to f32, and its eye-space position.
+    ///
+    /// It lies on the ray through the picture's middle, as far away as the nearest corner of `bounds` (centres, cloud
+    /// coordinates), so within clouds at the eye. Differences from it are rounded by a share of themselves: what is near the
+    /// eye or the middle is placed well however far the cloud's own origin is, and under a long lens what is far away
+    /// moves along its ray, not across it.
+    fn about(&self, extent: vk::Extent2D, eye_from_cloud: &DMat4, bounds: [DVec3; 2]) -> (Vec3, DVec3) {
+        let corners = (0..8).map(|i| {
+            let pick = |axis: usize| bounds[i >> axis & 1][axis];
+            -eye_from_cloud.transform_point3(dvec3(pick(0), pick(1), pick(2))).z
+        });
+        let nearest = corners.fold(f64::INFINITY, f64::min).max(0.0);
+        let middle = self.ray[0] + 0.5 * (extent.width as f64 * self.ray[1] + extent.height as f64 * self.ray[2]);
+        let at = match self.eye.w != 0.0 {
+            true => self.eye.truncate() + nearest * middle,
+            false => middle - nearest / self.eye.z * self.eye.truncate(),
+        };
+        let about = eye_from_cloud.inverse().transform_point3(at).as_vec3();
+        // No cloud, or one that a transform flattens.
+        let about = if about.is_finite() { about } else { Vec3::ZERO };
+        (about, eye_from_cloud.transform_point3(about.as_dvec3()))
+    }
+
+    /// The shaders' block of one cloud. `bounds`: two opposite corners of its centres' box, relative to `origin`.
+    #[allow(clippy::too_many_arguments)]
     pub fn draw_params(
         &self,
         extent: vk::Extent2D,
         transform: &DMat4,
         origin: DVec3,
+        bounds: [DVec3; 2],
         style: &Style,
         disc: bool,
         sprite_limit: f32,
     ) -> DrawParams {
-        let (eye_from_cloud, scale) = self.eye_from_cloud(transform, origin);
+        let (mut eye_from_cloud, scale) = self.eye_from_cloud(transform, origin);
+        let (about, at) = self.about(extent, &eye_from_cloud, bounds);
+        eye_from_cloud.w_axis = at.extend(1.0);
+        // Pixels count from the middle.
+        let middle = 0.5 * dvec2(extent.width as f64, extent.height as f64);
+        let ray_middle = self.ray[0] + middle.x * self.ray[1] + middle.y * self.ray[2];
         let row = |v: DVec4| v.as_vec4().to_array();
         let base = style.base_color.map(|c| crate::color::srgb_to_linear(c as f64 / 255.0) as f32);
         DrawParams {
-            eye_from_cloud: eye_from_cloud.as_mat4().to_cols_array_2d(),
-            pixel_x: row(self.pixel_x),
-            pixel_y: row(self.pixel_y),
+            eye_from_cloud: [0, 1, 2].map(|i| row(eye_from_cloud.row(i))),
+            about: about.extend(0.0).to_array(),
+            pixel_x: row(self.pixel_x - middle.x * self.pixel_w),
+            pixel_y: row(self.pixel_y - middle.y * self.pixel_w),
             pixel_w: row(self.pixel_w),
             eye: row(self.eye),
-            ray_0: row(self.ray[0].extend(0.0)),
+            ray_0: row(ray_middle.extend(0.0)),
             ray_x: row(self.ray[1].extend(0.0)),
             ray_y: row(self.ray[2].extend(0.0)),
             depth_map: row(self.depth_map),
             base_color: [base[0], base[1], base[2], 1.0],
-            viewport: [extent.width as f32, extent.height as f32],
+            middle: middle.as_vec2().to_array(),
             near: self.near as f32,
             radius_scale: style.radius_scale * scale as f32 * if disc { std::f32::consts::FRAC_1_SQRT_2 } else { 1.0 },
             tolerance_absolute: style.tolerance.absolute,
@@ -129,7 +161,7 @@ impl Camera {
             ray_x: row(self.ray[1].extend(0.0)),
             ray_y: row(self.ray[2].extend(0.0)),
             depth_map: row(self.depth_map),
-            host_depth: row(self.host_depth),
+            host_depth: [self.host_depth[0] as f32, self.host_depth[1] as f32, 0.0, 0.0],
             padding: [],
         }
     }

@@ -28,8 +28,10 @@ pub const MAX_VIEWS: usize = 4;
 block! {
     /// One cloud in one view; `glsl/shared/params.glsl` says what the members mean.
     DrawParams = draw_params {
-        /// Column-major.
-        eye_from_cloud: [[f32; 4]; 4] = EYE_FROM_CLOUD,
+        /// Row by row.
+        eye_from_cloud: [[f32; 4]; 3] = EYE_FROM_CLOUD,
+        /// In the cloud's coordinates.
+        about: [f32; 4] = ABOUT,
         /// Row of pixel x.
         pixel_x: [f32; 4] = PIXEL_X,
         /// Row of pixel y.
@@ -49,7 +51,7 @@ block! {
         /// Linear light.
         base_color: [f32; 4] = BASE_COLOR,
         /// \[px\]
-        viewport: [f32; 2] = VIEWPORT,
+        middle: [f32; 2] = MIDDLE,
         /// \[world units\]
         near: f32 = NEAR,
         /// Factor from stored to drawn radius.

@@ -83,6 +83,12 @@ impl Camera {
         self.rows[2].dot(p.extend(1.0))
     }
 
+    /// Width of a pixel at a linear depth, across the picture's centre, the wider of its two sides \[world units\].
+    pub fn pixel_width(&self, depth: f64) -> f64 {
+        let focal = self.rows[0].truncate().length().min(self.rows[1].truncate().length());
+        self.w(DVec3::new(0.0, 0.0, -depth)).abs() / focal
+    }
+
     /// Where an eye-space point appears \[px\]; only for w > 0.
     pub fn project(&self, p: DVec3) -> DVec2 {
         let h = p.extend(1.0);

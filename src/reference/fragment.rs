@@ -19,6 +19,8 @@ pub struct Fragment {
     pub inside: bool,
     /// Rounding cannot decide otherwise.
     pub sure: bool,
+    /// How fast the weight changes with the fragment's place \[1/px\].
+    pub slope: f64,
 }
 
 /// Snapping of sprite positions \[px\]: Vulkan promises at least 4 bits below the pixel, all known devices have 8.
@@ -60,6 +62,7 @@ fn disk(setup: &Setup, splat: &Splat, at: DVec2, ray: &Ray, hard: bool) -> Optio
         _ => f64::INFINITY,
     };
     let u2 = object.min(screen);
+    let hit_depth = z;
     z = z.clamp(splat.z - splat.r, splat.z + splat.r);
     let covered = u2 <= 1.0;
     let mut fragment = Fragment {
@@ -68,7 +71,17 @@ fn disk(setup: &Setup, splat: &Splat, at: DVec2, ray: &Ray, hard: bool) -> Optio
         weight: if hard || !covered { 1.0 } else { (-4.0 * u2).exp2() },
         inside: splat.drawn && covered && z >= near,
         sure: true,
+        slope: 0.0,
     };
+    if !hard && covered {
+        // d w / d u = 8 ln 2 · u w; u changes by 1/ρ a pixel, or by a pixel's width on the plane over r.
+        let per_pixel = if object < screen {
+            setup.camera.pixel_width(hit_depth) / (splat.r * cosine.abs())
+        } else {
+            1.0 / setup.low_pass
+        };
+        fragment.slope = 8.0 * std::f64::consts::LN_2 * u2.sqrt() * fragment.weight * per_pixel;
+    }
     if margin == 0.0 {
         return fragment.inside.then_some(fragment);
     }
@@ -110,5 +123,5 @@ fn square(setup: &Setup, splat: &Splat, at: DVec2, half: f64) -> Option<Fragment
     }
     let sure = margin == 0.0 || (splat.sure && reach < half - border && splat.z - dz >= setup.camera.near);
     let inside = inside && splat.drawn;
-    (inside || !sure).then_some(Fragment { z: splat.z, dz, weight: 1.0, inside, sure })
+    (inside || !sure).then_some(Fragment { z: splat.z, dz, weight: 1.0, inside, sure, slope: 0.0 })
 }

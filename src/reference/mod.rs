@@ -85,6 +85,9 @@ pub struct Picture {
     /// comparison, the near plane, a square's border, a splat seen edge-on, or a neighbour of such a pixel with eye-dome
     /// lighting), so that rounding may change it by more than rounding. All false for a margin of 0.
     pub ties: Vec<bool>,
+    /// How fast a channel changes at most where all splats move against the pixel, each its own way \[1/px\], to first
+    /// order and without light: what a displacement of the splats' images by rounding is multiplied by. 0 for `opaque`.
+    pub sensitivity: Vec<f64>,
     /// What became of the splats.
     pub counts: Counts,
 }

@@ -34,6 +34,7 @@ pub fn draw(scene: &Scene, setup: &Setup) -> Picture {
         rgba: vec![[0.0; 4]; pixels],
         depth: vec![f64::INFINITY; pixels],
         ties: vec![false; pixels],
+        sensitivity: vec![0.0; pixels],
         counts,
     };
     for (tile, finished) in tiles.iter().enumerate() {
@@ -45,6 +46,7 @@ pub fn draw(scene: &Scene, setup: &Setup) -> Picture {
             picture.rgba[at] = pixel.rgba;
             picture.depth[at] = pixel.depth;
             picture.ties[at] = pixel.tie;
+            picture.sensitivity[at] = pixel.sensitivity;
         }
     }
     picture
@@ -116,6 +118,7 @@ struct Pixel {
     rgba: [f64; 4],
     depth: f64,
     tie: bool,
+    sensitivity: f64,
 }
 
 /// The smallest of some values, with the second for the question what it is without one splat.
@@ -165,6 +168,8 @@ struct State {
     weight: f64,
     color: DVec3,
     normal: DVec3,
+    /// Sum of the slopes of the weights.
+    slope: f64,
     /// The front hides a fragment (two-pass); whether rounding may see one; whether it cannot but see one.
     hidden: bool,
     hidden_perhaps: bool,
@@ -203,6 +208,7 @@ impl<'a> Tile<'a> {
                 weight: 0.0,
                 color: DVec3::ZERO,
                 normal: DVec3::ZERO,
+                slope: 0.0,
                 hidden: false,
                 hidden_perhaps: false,
                 hidden_surely: false,
@@ -315,6 +321,7 @@ impl State {
             self.weight += fragment.weight;
             self.color += fragment.weight * splat.color;
             self.normal += fragment.weight * splat.n;
+            self.slope += fragment.slope;
         } else if fragment.inside {
             self.hidden = true;
         }
@@ -328,7 +335,8 @@ impl State {
 
     fn finish(&self, two_pass: bool, scene: &Scene, margin: f64) -> Pixel {
         if self.weight == 0.0 {
-            return Pixel { rgba: [0.0; 4], depth: f64::INFINITY, tie: margin > 0.0 && self.tie };
+            let tie = margin > 0.0 && self.tie;
+            return Pixel { rgba: [0.0; 4], depth: f64::INFINITY, tie, sensitivity: 0.0 };
         }
         let (color, tie) =
             light(&scene.style.shading, self.color / self.weight, self.normal / self.weight, &self.ray, margin);
@@ -336,6 +344,9 @@ impl State {
         let alpha = if two_pass && !self.hidden { (2.0 * self.weight).min(1.0) } else { 1.0 };
         let color = color * alpha;
         let tie = tie || self.tie || two_pass && self.hidden_perhaps && !self.hidden_surely && self.weight < 0.5;
-        Pixel { rgba: [color.x, color.y, color.z, alpha], depth: self.front, tie: margin > 0.0 && tie }
+        // Coverage and premultiplied colour are 2 Σ; else a mean of colours from 0 to 1 moves by Σ dw |c − mean| / Σw.
+        let sensitivity = if alpha < 1.0 { 2.0 * self.slope } else { self.slope / self.weight };
+        let rgba = [color.x, color.y, color.z, alpha];
+        Pixel { rgba, depth: self.front, tie: margin > 0.0 && tie, sensitivity }
     }
 }

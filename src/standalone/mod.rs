@@ -5,6 +5,8 @@ pub mod canary;
 mod device;
 mod offscreen;
 pub mod selftest;
+#[cfg(feature = "reference")]
+pub mod stress;
 pub mod validation;
 
 pub use device::{DeviceInfo, Options, Standalone};

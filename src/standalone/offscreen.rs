@@ -60,26 +60,34 @@ pub struct Offscreen {
 /// Linear light, so that nothing is rounded before the one encoding.
 const COLOR: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
+const COLOR_USAGE: vk::ImageUsageFlags = vk::ImageUsageFlags::from_raw(
+    vk::ImageUsageFlags::COLOR_ATTACHMENT.as_raw() | vk::ImageUsageFlags::TRANSFER_SRC.as_raw(),
+);
+const DEPTH_USAGE: vk::ImageUsageFlags = vk::ImageUsageFlags::from_raw(
+    vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT.as_raw() | vk::ImageUsageFlags::TRANSFER_SRC.as_raw(),
+);
+
+/// Refuses what the device has no images for.
+fn fits(context: &Context, extent: vk::Extent2D) -> Result<()> {
+    let limit = context.limits.max_framebuffer_width.min(context.limits.max_framebuffer_height);
+    let limit = limit.min(context.limits.max_image_dimension2_d);
+    if extent.width.max(extent.height) <= limit {
+        return Ok(());
+    }
+    let vk::Extent2D { width, height } = extent;
+    Err(crate::Error::Unsupported(format!("a picture of {width}x{height}: this device's limit is {limit} a side")))
+}
 
 impl Offscreen {
     /// A target of `extent` pixels, at least 1 × 1. `depth`: the front's depth is wanted too.
     pub fn new(standalone: Standalone, extent: vk::Extent2D, depth: bool) -> Result<Offscreen> {
         let host = standalone.host();
         let mut context = standalone.context();
-        let limit = context.limits.max_framebuffer_width.min(context.limits.max_framebuffer_height);
-        let limit = limit.min(context.limits.max_image_dimension2_d);
-        if extent.width.max(extent.height) > limit {
-            let vk::Extent2D { width, height } = extent;
-            let what = format!("a picture of {width}x{height}: this device's limit is {limit} a side");
-            return Err(crate::Error::Unsupported(what));
-        }
-        let usage = vk::ImageUsageFlags::TRANSFER_SRC;
-        let color_usage = usage | vk::ImageUsageFlags::COLOR_ATTACHMENT;
-        let depth_usage = usage | vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
-        let color = Image::new(&mut context, "target.color", COLOR, extent, 1, color_usage)?;
+        fits(&context, extent)?;
+        let color = Image::new(&mut context, "target.color", COLOR, extent, 1, COLOR_USAGE)?;
         let made = (|| {
             let depth = match depth {
-                true => Some(Image::new(&mut context, "target.depth", DEPTH, extent, 1, depth_usage)?),
+                true => Some(Image::new(&mut context, "target.depth", DEPTH, extent, 1, DEPTH_USAGE)?),
                 false => None,
             };
             let formats = TargetFormats {
@@ -122,6 +130,25 @@ impl Offscreen {
                 Err(e)
             }
         }
+    }
+
+    /// Makes the target of another size, at least 1 × 1; the clouds stay. The picture is lost, and kept if this fails.
+    pub fn resize(&mut self, extent: vk::Extent2D) -> Result<()> {
+        fits(&self.context, extent)?;
+        let color = Image::new(&mut self.context, "target.color", COLOR, extent, 1, COLOR_USAGE)?;
+        if let Some(depth) = &mut self.depth {
+            match Image::new(&mut self.context, "target.depth", DEPTH, extent, 1, DEPTH_USAGE) {
+                Ok(made) => std::mem::replace(depth, made).destroy(&mut self.context),
+                Err(e) => {
+                    color.destroy(&mut self.context);
+                    return Err(e);
+                }
+            }
+        }
+        // Every frame was waited for.
+        std::mem::replace(&mut self.color, color).destroy(&mut self.context);
+        self.extent = extent;
+        Ok(())
     }
 
     /// The device that it runs on.

@@ -46,7 +46,10 @@ impl Flat {
     /// Radii must be present (see `load::attributes`); at most 2³² − 1 points.
     pub fn new(cloud: &PointCloud) -> Flat {
         let radii = cloud.radii.as_ref().expect("radii are completed before a structure is built");
-        let geometry: Vec<[f32; 4]> = cloud.positions.iter().zip(radii).map(|(p, &r)| [p.x, p.y, p.z, r]).collect();
+        // Devices may take subnormal numbers for 0, each stage as it likes: a radius that is not 0 must not become that.
+        let radius = |r: f32| if r.is_subnormal() { f32::MIN_POSITIVE.copysign(r) } else { r };
+        let geometry: Vec<[f32; 4]> =
+            cloud.positions.iter().zip(radii).map(|(p, &r)| [p.x, p.y, p.z, radius(r)]).collect();
         let blocks = geometry
             .chunks(BLOCK)
             .enumerate()
@@ -78,6 +81,15 @@ impl Flat {
             blocks,
             closed: cloud.closed,
         }
+    }
+
+    /// Two opposite corners of the centres' box, relative to the origin; not finite without points.
+    pub fn bounds(&self) -> [DVec3; 2] {
+        let (min, max) = self
+            .blocks
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), block| (low.min(block.min), high.max(block.max)));
+        [min.as_dvec3(), max.as_dvec3()]
     }
 
     /// Number of points.

@@ -15,5 +15,6 @@ mod host_table;
 mod host_target;
 mod host_targets;
 mod selftest;
+mod stress;
 #[path = "../common/vulkan.rs"]
 mod vulkan;
