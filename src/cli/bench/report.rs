@@ -12,7 +12,7 @@ use surfel::measure;
 use super::args::SweepArgs;
 use super::plot::{Plot, Series, svg};
 use super::summary::{Point, points, scenes};
-use super::sweep::Sweep;
+use super::sweep::{Stress, Sweep};
 
 /// Larger side of the pictures in the report \[px\]. The folder has them in full.
 const THUMBNAIL: u32 = 300;
@@ -46,6 +46,9 @@ pub fn html(sweep: &Sweep, args: &SweepArgs, out: &Path) -> Result<String> {
         page += "</div>\n";
         page += &table(&of);
         page += &pictures(&of, args, out)?;
+    }
+    if let Some(stress) = &sweep.stress {
+        page += &stressed(stress);
     }
     page += "</body></html>\n";
     Ok(page)
@@ -160,6 +163,37 @@ fn pictures(of: &[&Point], args: &SweepArgs, out: &Path) -> Result<String> {
         text += &figure(&picture, &format!("{}, {:.2} ms, RMSE {:.5}", p.way, p.ms, p.rmse))?;
     }
     Ok(text + "\n")
+}
+
+/// Every case of the stress suite, against the f64 reference.
+fn stressed(cases: &[Stress]) -> String {
+    let failed = cases.iter().filter(|c| !c.outcome.passed()).count();
+    let mut text = format!(
+        "<h2>Numerical stress</h2>\n<p class=\"note\">{} cases against the f64 reference, {failed} failed. Error: the \
+         largest of a channel at a pixel that is no tie, 1 = full range. Ties: pixels within rounding of a decision, and \
+         those of them that are off by more than the bound.</p>\n<table><tr><th>case</th><th>error</th><th>bound</th>\
+         <th>twin</th><th>pixels</th><th>ties</th><th>off</th><th>verdict</th><th>where the bound comes from</th></tr>\n",
+        cases.len()
+    );
+    for Stress { name, group, why, outcome: o } in cases {
+        let verdict = if o.passed() { "passed".into() } else { o.faults.join("; ") };
+        let twin = o.worst_twin.map_or("–".into(), |t| format!("{t:.1e}"));
+        let _ = writeln!(
+            text,
+            "<tr><td>{}: {}</td><td>{:.1e}</td><td>{:.1e}</td><td>{twin}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>\
+             <td style=\"text-align:left;white-space:normal\">{}</td></tr>",
+            escape(group),
+            escape(name),
+            o.worst,
+            o.bound,
+            o.pixels,
+            o.ties,
+            o.off_ties,
+            escape(&verdict),
+            escape(why),
+        );
+    }
+    text + "</table>\n"
 }
 
 fn figure(picture: &image::RgbaImage, caption: &str) -> Result<String> {

@@ -12,7 +12,7 @@ use surfel::ash::vk;
 use surfel::load::PointCloud;
 use surfel::measure::{self, Image};
 use surfel::select::View;
-use surfel::standalone::{DeviceInfo, Offscreen, Options, Shot, Standalone};
+use surfel::standalone::{DeviceInfo, Offscreen, Options, Shot, Standalone, stress};
 use surfel::structure::Flat;
 use surfel::style::{Style, Tolerance};
 use surfel::technique::{Blend, PRESETS, Technique};
@@ -37,8 +37,18 @@ pub struct Sweep {
     pub device: DeviceInfo,
     /// In the order of the plan.
     pub records: Vec<Record>,
+    /// Where it was asked for.
+    pub stress: Option<Vec<Stress>>,
     /// What all records have in common.
     pub common: Value,
+}
+
+/// One case of the numerical stress suite.
+pub struct Stress {
+    pub name: String,
+    pub group: &'static str,
+    pub why: &'static str,
+    pub outcome: stress::Outcome,
 }
 
 /// What pictures of one view are judged by.
@@ -69,18 +79,19 @@ pub fn run(args: &SweepArgs, out: &Path, progress: &Progress) -> Result<Sweep> {
     let standalone = Standalone::new(&Options { device: args.device.clone(), ..Default::default() })?;
     let device = standalone.info.clone();
     let common = common(args, &device);
-    let mut bench = Bench { args, out, progress, journal: Journal::open(out, &common)?, standalone: Some(standalone) };
-    let mut records = Vec::new();
+    let journal = Journal::open(out, &common)?;
+    // Of the smallest size: every view asks for its own.
+    let off = Offscreen::new(standalone, vk::Extent2D { width: 1, height: 1 }, true)?;
+    let mut bench = Bench { args, out, progress, journal, off };
+    bench.off.renderer.upload_budget = 256 << 20;
     let done = (|| {
-        for input in &args.inputs {
-            records.extend(bench.input(input)?);
-        }
-        Ok(())
+        let inputs = args.inputs.iter().map(|input| bench.input(input)).collect::<Result<Vec<_>>>()?;
+        let stress = if args.stress { Some(bench.stress()?) } else { None };
+        Ok((inputs.concat(), stress))
     })();
-    if let Some(standalone) = bench.standalone.take() {
-        standalone.close();
-    }
-    done.map(|()| Sweep { device, records, common })
+    bench.off.destroy().close();
+    let (records, stress) = done?;
+    Ok(Sweep { device, records, stress, common })
 }
 
 /// What all records of a journal share: whoever changes one of these begins another bench.
@@ -103,8 +114,7 @@ struct Bench<'a> {
     out: &'a Path,
     progress: &'a Progress,
     journal: Journal,
-    /// With the off-screen target while there is one.
-    standalone: Option<Standalone>,
+    off: Offscreen,
 }
 
 impl Bench<'_> {
@@ -131,23 +141,25 @@ impl Bench<'_> {
                 None => original.clone(),
                 Some(n) => self.sampled(&scene, n)?,
             };
+            let instances = self.add(&flats)?;
             for &size in &sizes {
-                let pending: Vec<&Combination> = plan
-                    .iter()
-                    .filter(|c| c.samples == samples && c.size == size && self.journal.get(&c.key()).is_none())
-                    .collect();
-                if pending.is_empty() {
-                    continue;
+                let missing =
+                    |c: &&Combination| c.samples == samples && c.size == size && self.journal.get(&c.key()).is_none();
+                let pending: Vec<&Combination> = plan.iter().filter(missing).collect();
+                if !pending.is_empty() {
+                    self.size(size, &mut scene, &instances, &source, &style, &pending, state)?;
                 }
-                let standalone = self.standalone.take().expect("it comes back after every size");
-                let [width, height] = size;
-                let mut off = Offscreen::new(standalone, vk::Extent2D { width, height }, true)?;
-                let done = self.size(&mut off, &mut scene, &flats, &source, &style, &pending, state);
-                self.standalone = Some(off.destroy());
-                done?;
             }
+            instances.iter().for_each(|i| self.off.renderer.remove(i.cloud));
         }
         Ok(())
+    }
+
+    fn add(&mut self, flats: &[Arc<Flat>]) -> Result<Vec<Instance>> {
+        let add = |flat: &Arc<Flat>| {
+            Ok(Instance { cloud: self.off.renderer.add(Arc::clone(flat))?, transform: DMat4::IDENTITY })
+        };
+        flats.iter().map(add).collect()
     }
 
     /// The faces of every cloud, sampled `n` times in all, in proportion to the clouds' vertices.
@@ -169,19 +181,15 @@ impl Bench<'_> {
     #[allow(clippy::too_many_arguments)]
     fn size(
         &mut self,
-        off: &mut Offscreen,
+        size @ [width, height]: [u32; 2],
         scene: &mut Scene,
-        flats: &[Arc<Flat>],
+        instances: &[Instance],
         source: &Source,
         style: &Style,
         pending: &[&Combination],
         state: &str,
     ) -> Result<()> {
-        let mut instances = Vec::new();
-        for flat in flats {
-            instances.push(Instance { cloud: off.renderer.add(Arc::clone(flat))?, transform: DMat4::IDENTITY });
-        }
-        let size = pending[0].size;
+        self.off.resize(vk::Extent2D { width, height })?;
         for number in 0..self.args.views {
             let ways: Vec<Way> =
                 pending.iter().filter(|c| c.view[0] == number).map(|c| way(c, style)).collect::<Result<_>>()?;
@@ -196,28 +204,21 @@ impl Bench<'_> {
                 let picture = source.picture(&self.out.join(&file), &view, size, style)?;
                 Truth { image: truth::image(&picture, self.args.background), name, file }
             };
-            self.view(off, &instances, &view, ways, &truth)?;
+            self.view(instances, &view, ways, &truth)?;
         }
         Ok(())
     }
 
     /// One view: every way judged once, then all of them timed in turn, round by round.
-    fn view(
-        &mut self,
-        off: &mut Offscreen,
-        instances: &[Instance],
-        view: &View,
-        ways: Vec<Way>,
-        truth: &Truth,
-    ) -> Result<()> {
+    fn view(&mut self, instances: &[Instance], view: &View, ways: Vec<Way>, truth: &Truth) -> Result<()> {
         let shot = |way: &Way| (way.technique, way.style);
         let mut records = Vec::new();
         for way in &ways {
             let (technique, style) = shot(way);
             let shot = Shot { view, instances, technique, style: &style, count: true };
-            frames::upload(off, &shot, self.progress)?;
-            let (stats, _) = off.draw(&shot)?;
-            records.push(self.judge(off, view, way, stats, truth)?);
+            frames::upload(&mut self.off, &shot, self.progress)?;
+            let (stats, _) = self.off.draw(&shot)?;
+            records.push(self.judge(view, way, stats, truth)?);
         }
         let total = (self.args.rounds as usize * ways.len()) as u64;
         let step =
@@ -227,9 +228,9 @@ impl Bench<'_> {
                 step.set((round * ways.len() + i) as u64, total);
                 let (technique, style) = shot(way);
                 let shot = Shot { view, instances, technique, style: &style, count: false };
-                off.draw(&shot)?;
+                self.off.draw(&shot)?;
                 for _ in 0..self.args.frames {
-                    let (stats, times) = off.draw(&shot)?;
+                    let (stats, times) = self.off.draw(&shot)?;
                     record.frame_ms.push(times.frame);
                     record.gpu_ms.extend((!stats.passes.is_empty()).then(|| stats.gpu_ms()));
                 }
@@ -240,7 +241,7 @@ impl Bench<'_> {
 
     fn judge(&self, off: &mut Offscreen, view: &View, way: &Way, stats: FrameStats, truth: &Truth) -> Result<Record> {
         let combination = way.combination.clone();
-        let picture = output::float(off.read()?, view);
+        let picture = output::float(self.off.read()?, view);
         let image = truth::image(&picture, self.args.background);
         let difference =
             measure::compare(&truth.image, &image, TOLERANCE as f64 / 255.0).with_context(|| combination.key())?;
@@ -259,6 +260,21 @@ impl Bench<'_> {
             picture: file,
             combination,
         })
+    }
+}
+
+impl Bench<'_> {
+    /// The whole stress suite, for the report.
+    fn stress(&mut self) -> Result<Vec<Stress>> {
+        let cases = stress::cases();
+        let total = cases.len() as u64;
+        let step = self.progress.step("numerical stress", total);
+        let run = |(i, case): (usize, stress::Case)| {
+            step.set(i as u64, total);
+            let outcome = stress::run(&mut self.off, &case).with_context(|| case.name.clone())?;
+            Ok(Stress { name: case.name, group: case.group, why: case.why, outcome })
+        };
+        cases.into_iter().enumerate().map(run).collect()
     }
 }
 
