@@ -27,6 +27,8 @@ pub mod color;
 pub mod composite;
 pub mod draw;
 pub mod error;
+#[cfg(feature = "exr")]
+pub mod exr;
 pub mod gpu;
 pub mod host;
 pub mod load;

@@ -6,8 +6,10 @@ use clap::builder::{OsStringValueParser, PossibleValuesParser, TypedValueParser}
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 
+use super::bench::args::BenchArgs;
 use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
+use surfel::style::Ellipse;
 use surfel::technique::{Blend, Primitive, Structure};
 
 /// Renders point scans (LiDAR, photogrammetry, dense meshes) as elliptical Gaussian splats with Vulkan.
@@ -26,6 +28,8 @@ pub enum Command {
     Info(InfoArgs),
     /// Measures how two pictures differ.
     Compare(CompareArgs),
+    /// Measures time against error, and writes a report.
+    Bench(Box<BenchArgs>),
     /// Lists the Vulkan devices of this machine.
     Devices,
     /// Tries every technique and planted faults with the validation layers on.
@@ -80,36 +84,33 @@ pub enum EllipseKind {
     Approximate,
 }
 
-fn inputs() -> impl TypedValueParser<Value = Input> {
+impl From<EllipseKind> for Ellipse {
+    fn from(kind: EllipseKind) -> Ellipse {
+        match kind {
+            EllipseKind::Exact => Ellipse::Exact,
+            EllipseKind::Approximate => Ellipse::Approximate,
+        }
+    }
+}
+
+pub(super) fn inputs() -> impl TypedValueParser<Value = Input> {
     OsStringValueParser::new().try_map(parse::input)
 }
 
 /// Choices of an axis of the technique, by the library's own names.
-fn axis<T: Copy + Send + Sync + 'static>(all: &'static [(&'static str, T)]) -> impl TypedValueParser<Value = T> {
+pub(super) fn axis<T: Copy + Send + Sync + 'static>(
+    all: &'static [(&'static str, T)],
+) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(all.iter().map(|(name, _)| *name))
         .try_map(move |name| all.iter().find(|(n, _)| *n == name).map(|(_, v)| *v).ok_or("unknown"))
 }
 
+/// What is seen, and from where.
 #[derive(Debug, Args)]
-pub struct RenderArgs {
-    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`.
-    #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
-    pub inputs: Vec<Input>,
-    /// The picture to write.
-    #[arg(short, long, value_name = "OUT.png")]
-    pub output: PathBuf,
+pub struct ViewArgs {
     /// Size of the picture in pixels.
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse::size)]
     pub size: [u32; 2],
-    /// How the points are arranged.
-    #[arg(long, value_name = "NAME", default_value = "flat", value_parser = axis(Structure::ALL))]
-    pub structure: Structure,
-    /// How splats of one pixel become one colour [default: two-pass, or opaque with `--radius px:N`].
-    #[arg(long, value_name = "NAME", value_parser = axis(Blend::ALL))]
-    pub blend: Option<Blend>,
-    /// Level of detail in pixels. The flat structure has none: nothing is left out.
-    #[arg(long, value_name = "PX", allow_negative_numbers = true, value_parser = parse::not_negative)]
-    pub threshold: Option<f64>,
     /// Azimuth and elevation in degrees, distance in radii of the bounding sphere. Azimuth 0 looks along −Z where y is
     /// up, along +Y where z is up.
     #[arg(long, value_name = "AZ,EL,DIST", allow_hyphen_values = true, conflicts_with_all = ["eye", "target"], value_parser = parse::orbit)]
@@ -120,15 +121,44 @@ pub struct RenderArgs {
     /// What the viewer looks at.
     #[arg(long, value_name = "x,y,z", allow_hyphen_values = true, requires = "eye", value_parser = parse::vector)]
     pub target: Option<DVec3>,
+    #[command(flatten)]
+    pub lens: LensArgs,
+}
+
+/// What every view has.
+#[derive(Debug, Args)]
+pub struct LensArgs {
     /// Which way is up [default: as the file says, else y for PLY].
     #[arg(long, value_name = "x|y|z|x,y,z", allow_hyphen_values = true, value_parser = parse::up)]
     pub up: Option<DVec3>,
     /// Vertical angle of view in degrees [default: 45, or 70 for the default view from inside].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = parse::fov)]
     pub fov: Option<f64>,
-    /// Colour behind the points; its alpha stays in the picture.
-    #[arg(long, value_name = "RRGGBB[AA]", default_value = "1d1f23", value_parser = parse::color)]
-    pub background: [u8; 4],
+}
+
+/// How the points become a picture.
+#[derive(Debug, Args)]
+pub struct TechniqueArgs {
+    /// How the points are arranged.
+    #[arg(long, value_name = "NAME", default_value = "flat", value_parser = axis(Structure::ALL))]
+    pub structure: Structure,
+    /// How splats of one pixel become one colour [default: two-pass, or opaque with `--radius px:N`].
+    #[arg(long, value_name = "NAME", value_parser = axis(Blend::ALL))]
+    pub blend: Option<Blend>,
+    /// Level of detail in pixels. The flat structure has none: nothing is left out.
+    #[arg(long, value_name = "PX", allow_negative_numbers = true, value_parser = parse::not_negative)]
+    pub threshold: Option<f64>,
+    /// What is rasterised for a splat.
+    #[arg(long, value_name = "point|quad", default_value = "point", value_parser = axis(Primitive::ALL))]
+    pub primitive: Primitive,
+    /// How a splat's outline is computed.
+    #[arg(long, value_enum, default_value = "exact")]
+    pub ellipse: EllipseKind,
+}
+
+/// How the surface looks, whatever draws it.
+#[derive(Debug, Args)]
+pub struct LookArgs {
     /// Light [default: headlight where the scan has normals or faces, else edl].
     #[arg(long, value_enum)]
     pub shade: Option<Shade>,
@@ -139,12 +169,6 @@ pub struct RenderArgs {
     /// points of N pixels.
     #[arg(long, value_name = "auto|VALUE|scale:S|px:N", default_value = "auto", allow_negative_numbers = true, value_parser = parse::radius)]
     pub radius: Radius,
-    /// What is rasterised for a splat.
-    #[arg(long, value_name = "point|quad", default_value = "point", value_parser = axis(Primitive::ALL))]
-    pub primitive: Primitive,
-    /// How a splat's outline is computed.
-    #[arg(long, value_enum, default_value = "exact")]
-    pub ellipse: EllipseKind,
     /// How far behind the front still is the same surface, in radii of the splat.
     #[arg(long, value_name = "REL", default_value = "1", allow_negative_numbers = true, value_parser = parse::not_negative)]
     pub tolerance: f64,
@@ -154,6 +178,25 @@ pub struct RenderArgs {
     /// Adds eye-dome lighting of this strength to any light [1 with `--shade edl`].
     #[arg(long, value_name = "STRENGTH", allow_negative_numbers = true, value_parser = parse::not_negative)]
     pub edl: Option<f64>,
+}
+
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`.
+    #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
+    pub inputs: Vec<Input>,
+    /// The picture to write.
+    #[arg(short, long, value_name = "OUT.png")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub view: ViewArgs,
+    #[command(flatten)]
+    pub technique: TechniqueArgs,
+    #[command(flatten)]
+    pub look: LookArgs,
+    /// Colour behind the points; its alpha stays in the picture.
+    #[arg(long, value_name = "RRGGBB[AA]", default_value = "1d1f23", value_parser = parse::color)]
+    pub background: [u8; 4],
     /// Frames to time. One more, before them, counts points and builds what is built once.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub frames: u32,
@@ -184,20 +227,38 @@ pub struct InfoArgs {
     pub json: bool,
 }
 
+/// What a picture of the error shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ErrorMapKind {
+    /// What one would notice, flipping between the pictures: FLIP, black for none to light yellow.
+    Flip,
+    /// The absolute error of each colour, 32 times as strong.
+    Absolute,
+}
+
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// A picture.
-    #[arg(value_name = "A.png")]
-    pub a: PathBuf,
-    /// Another of the same size.
-    #[arg(value_name = "B.png")]
-    pub b: PathBuf,
+    /// The picture that is right: PNG, or EXR with linear, premultiplied colours, coverage and depth.
+    #[arg(value_name = "TRUTH")]
+    pub truth: PathBuf,
+    /// The picture that is judged, of the same size.
+    #[arg(value_name = "PICTURE")]
+    pub picture: PathBuf,
     /// For programs.
     #[arg(long)]
     pub json: bool,
     /// Counts the pixels in which a channel differs by more than this, of 255.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub tolerance: u8,
+    /// What an EXR is shown over, and a transparent PNG where the other is an EXR.
+    #[arg(long, value_name = "RRGGBB", default_value = "1d1f23", value_parser = parse::color)]
+    pub background: [u8; 4],
+    /// Writes a picture of the error.
+    #[arg(long, value_name = "OUT.png")]
+    pub difference: Option<PathBuf>,
+    /// What the picture of the error shows.
+    #[arg(long, value_enum, default_value = "flip", requires = "difference")]
+    pub map: ErrorMapKind,
 }
 
 #[derive(Debug, Args)]

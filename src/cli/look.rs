@@ -3,11 +3,11 @@
 use glam::DVec3;
 
 use surfel::load::PointCloud;
-use surfel::style::{BackFaces, Ellipse, EyeDome, Footprint, Shading, Style, Tolerance};
+use surfel::style::{BackFaces, EyeDome, Footprint, Shading, Style, Tolerance};
 use surfel::technique::{Blend, Technique};
 
 use super::Usage;
-use super::args::{ColorBy, Cull, EllipseKind, RenderArgs, Shade};
+use super::args::{ColorBy, Cull, LensArgs, LookArgs, Shade, TechniqueArgs};
 use super::parse::Radius;
 
 /// What the scan had of its own before anything was estimated.
@@ -40,8 +40,8 @@ impl Has {
 }
 
 /// The blend that is meant. Pixels are for opaque points only.
-pub fn technique(args: &RenderArgs) -> Result<Technique, Usage> {
-    let blend = match (args.radius, args.blend) {
+pub fn technique(args: &TechniqueArgs, look: &LookArgs) -> Result<Technique, Usage> {
+    let blend = match (look.radius, args.blend) {
         (Radius::Pixels(_), Some(Blend::TwoPass)) => {
             return Err(Usage("--radius px:N is for --blend opaque: two-pass blends splats".into()));
         }
@@ -52,7 +52,7 @@ pub fn technique(args: &RenderArgs) -> Result<Technique, Usage> {
 }
 
 /// The light, and a sentence if it was chosen here.
-pub fn shade(args: &RenderArgs, has: Has) -> (Shade, Option<String>) {
+pub fn shade(args: &LookArgs, has: Has) -> (Shade, Option<String>) {
     match args.shade {
         Some(shade) => (shade, None),
         None if has.normals => {
@@ -63,7 +63,7 @@ pub fn shade(args: &RenderArgs, has: Has) -> (Shade, Option<String>) {
 }
 
 /// What colours show, and a sentence if it was chosen here.
-pub fn color(args: &RenderArgs, has: Has) -> (ColorBy, Option<String>) {
+pub fn color(args: &LookArgs, has: Has) -> (ColorBy, Option<String>) {
     let (by, why) = match args.color {
         Some(by) => return (by, None),
         None if has.colors => return (ColorBy::Rgb, None),
@@ -77,7 +77,7 @@ pub fn color(args: &RenderArgs, has: Has) -> (ColorBy, Option<String>) {
 }
 
 /// Which way is up, whether the user said so, and a sentence if he did not.
-pub fn up(args: &RenderArgs, clouds: &[PointCloud]) -> (DVec3, bool, Option<String>) {
+pub fn up(args: &LensArgs, clouds: &[PointCloud]) -> (DVec3, bool, Option<String>) {
     if let Some(up) = args.up {
         return (up, true, None);
     }
@@ -94,16 +94,12 @@ pub fn up(args: &RenderArgs, clouds: &[PointCloud]) -> (DVec3, bool, Option<Stri
 }
 
 /// The style that the options ask for.
-pub fn style(args: &RenderArgs, shade: Shade) -> Style {
+pub fn style(args: &LookArgs, shade: Shade) -> Style {
     let strength = args.edl.unwrap_or(if shade == Shade::Edl { 1.0 } else { 0.0 });
     Style {
         footprint: match args.radius {
             Radius::Pixels(size) => Footprint::Pixels(size),
             _ => Footprint::Splat,
-        },
-        ellipse: match args.ellipse {
-            EllipseKind::Exact => Ellipse::Exact,
-            EllipseKind::Approximate => Ellipse::Approximate,
         },
         tolerance: Tolerance { absolute: 0.0, relative: args.tolerance as f32 },
         back_faces: match args.cull {
@@ -125,7 +121,7 @@ pub fn style(args: &RenderArgs, shade: Shade) -> Style {
 mod tests {
     use clap::Parser;
 
-    use super::super::args::{Cli, Command};
+    use super::super::args::{Cli, Command, RenderArgs};
     use super::*;
 
     fn args(more: &[&str]) -> RenderArgs {
@@ -144,40 +140,47 @@ mod tests {
         let bare = Has { z_up: true, ..Has::default() };
         let photo = Has { colors: true, ..lidar };
         assert_eq!(
-            [mesh, lidar, bare, photo].map(|h| shade(&a, h).0),
+            [mesh, lidar, bare, photo].map(|h| shade(&a.look, h).0),
             [Shade::Headlight, Shade::Edl, Shade::Edl, Shade::Edl]
         );
-        let colors = [mesh, lidar, bare, photo].map(|h| color(&a, h).0);
+        let colors = [mesh, lidar, bare, photo].map(|h| color(&a.look, h).0);
         assert_eq!(colors, [ColorBy::Rgb, ColorBy::Intensity, ColorBy::Height, ColorBy::Rgb]);
         // A mesh looks best as a shape, whatever else its vertices carry.
-        assert_eq!(color(&a, Has { intensity: true, ..mesh }).0, ColorBy::Rgb);
+        assert_eq!(color(&a.look, Has { intensity: true, ..mesh }).0, ColorBy::Rgb);
         let told = args(&["--shade", "phong", "--color", "normal"]);
-        assert_eq!((shade(&told, lidar), color(&told, lidar)), ((Shade::Phong, None), (ColorBy::Normal, None)));
+        assert_eq!(
+            (shade(&told.look, lidar), color(&told.look, lidar)),
+            ((Shade::Phong, None), (ColorBy::Normal, None))
+        );
     }
 
     #[test]
     fn pixels_are_opaque() {
-        assert_eq!(technique(&args(&[])).unwrap().blend, Blend::TwoPass);
-        assert_eq!(technique(&args(&["--radius", "px:2"])).unwrap().blend, Blend::Opaque);
-        assert!(technique(&args(&["--radius", "px:2", "--blend", "two-pass"])).is_err());
-        assert_eq!(style(&args(&["--radius", "px:2"]), Shade::None).footprint, Footprint::Pixels(2.0));
+        let blend = |more: &[&str]| {
+            let args = args(more);
+            technique(&args.technique, &args.look).map(|t| t.blend)
+        };
+        assert_eq!(blend(&[]).unwrap(), Blend::TwoPass);
+        assert_eq!(blend(&["--radius", "px:2"]).unwrap(), Blend::Opaque);
+        assert!(blend(&["--radius", "px:2", "--blend", "two-pass"]).is_err());
+        assert_eq!(style(&args(&["--radius", "px:2"]).look, Shade::None).footprint, Footprint::Pixels(2.0));
     }
 
     #[test]
     fn eye_dome_goes_with_any_light() {
-        assert_eq!(style(&args(&[]), Shade::Headlight).eye_dome, None);
-        assert_eq!(style(&args(&[]), Shade::Edl).eye_dome, Some(EyeDome::default()));
-        assert_eq!(style(&args(&["--edl", "0.5"]), Shade::Headlight).eye_dome.map(|e| e.strength), Some(0.5));
-        assert_eq!(style(&args(&["--edl", "0"]), Shade::Edl).eye_dome, None);
+        assert_eq!(style(&args(&[]).look, Shade::Headlight).eye_dome, None);
+        assert_eq!(style(&args(&[]).look, Shade::Edl).eye_dome, Some(EyeDome::default()));
+        assert_eq!(style(&args(&["--edl", "0.5"]).look, Shade::Headlight).eye_dome.map(|e| e.strength), Some(0.5));
+        assert_eq!(style(&args(&["--edl", "0"]).look, Shade::Edl).eye_dome, None);
     }
 
     #[test]
     fn up_is_told_or_guessed() {
         let mut cloud = PointCloud::default();
-        assert_eq!(up(&args(&[]), std::slice::from_ref(&cloud)).0, DVec3::Y);
+        assert_eq!(up(&args(&[]).view.lens, std::slice::from_ref(&cloud)).0, DVec3::Y);
         cloud.up = Some(glam::Vec3::NEG_Y);
-        let (axis, given, said) = up(&args(&[]), std::slice::from_ref(&cloud));
+        let (axis, given, said) = up(&args(&[]).view.lens, std::slice::from_ref(&cloud));
         assert!(axis == DVec3::NEG_Y && !given && said.unwrap().starts_with("-y is up"));
-        assert_eq!(up(&args(&["--up", "-x"]), &[cloud]), (DVec3::NEG_X, true, None));
+        assert_eq!(up(&args(&["--up", "-x"]).view.lens, &[cloud]), (DVec3::NEG_X, true, None));
     }
 }

@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod bench;
 mod camera;
 mod color;
 mod compare;
@@ -19,6 +20,7 @@ mod parse;
 mod progress;
 mod render;
 mod report;
+mod scene;
 mod selftest;
 
 use std::fmt;
@@ -62,6 +64,7 @@ pub fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Devices => devices::run(),
         Command::Selftest(args) => selftest::run(&args),
     };

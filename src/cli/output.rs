@@ -22,6 +22,11 @@ pub fn place(path: &Path) -> Option<(PathBuf, std::ffi::OsString)> {
     Some((folder.canonicalize().ok()?, path.file_name()?.to_owned()))
 }
 
+/// Whether both names are of one file, links resolved; not where one of them is not there.
+pub fn same(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
 /// Pipes and devices are written straight: they cannot be replaced.
 fn special(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir())

@@ -143,6 +143,11 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     finite(text).filter(|v| (0.0..=1e30).contains(v)).ok_or_else(|| "a finite number, at least 0".into())
 }
 
+/// Above zero, and small enough for an f32.
+pub fn positive(text: &str) -> Result<f64, String> {
+    finite(text).filter(|v| (1e-30..=1e30).contains(v)).ok_or_else(|| "a finite number above 0".into())
+}
+
 /// `RRGGBB` or `RRGGBBAA`, with `#` or without.
 pub fn color(text: &str) -> Result<[u8; 4], String> {
     let digits = text.strip_prefix('#').unwrap_or(text);

@@ -1,72 +1,16 @@
-//! How two pictures differ.
+//! How a picture differs from the truth.
 //!
-//! Everything is measured on sRGB-encoded values from 0 to 1, since that is closer to what eyes see than linear light.
-//! SSIM: Wang, Bovik, Sheikh, Simoncelli: Image Quality Assessment: From Error Visibility to Structural Similarity, IEEE
-//! Transactions on Image Processing 13(4), 2004, with the paper's window and constants, without its optional downsampling.
+//! The first picture is always the truth, the second the one that is judged: holes, spill, depths and FLIP tell them
+//! apart, the other errors are the same either way. Everything is measured on sRGB-encoded values from 0 to 1, since that
+//! is closer to what eyes see than linear light.
 
 use std::fmt;
 
-use crate::color::{linear_to_srgb, srgb_to_linear};
-
-/// A picture in the encoding that errors are measured in.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Image {
-    /// In pixels.
-    pub width: u32,
-    /// In pixels.
-    pub height: u32,
-    /// sRGB-encoded red, green, blue, nominally 0 to 1; rows from the top.
-    pub rgb: Vec<[f64; 3]>,
-    /// Coverage, 0 to 1, where it is known.
-    pub alpha: Option<Vec<f64>>,
-}
-
-impl Image {
-    /// From sRGB bytes, `channels` of them a pixel: 3, or 4 with coverage. Colours are taken as they are.
-    ///
-    /// # Panics
-    /// For any other number of channels, or if `bytes` is not as long as the size asks for.
-    pub fn from_srgb8(width: u32, height: u32, channels: usize, bytes: &[u8]) -> Image {
-        assert!(channels == 3 || channels == 4, "three or four channels");
-        assert_eq!(bytes.len(), width as usize * height as usize * channels, "one value a channel");
-        let value = |b: u8| b as f64 / 255.0;
-        let pixels = || bytes.chunks_exact(channels);
-        Image {
-            width,
-            height,
-            rgb: pixels().map(|p| [value(p[0]), value(p[1]), value(p[2])]).collect(),
-            alpha: (channels == 4).then(|| pixels().map(|p| value(p[3])).collect()),
-        }
-    }
-
-    /// From premultiplied linear light with coverage, as [`crate::reference`] and the float targets have it, over an
-    /// sRGB-encoded background, clamped to 0…1 as on a screen.
-    ///
-    /// # Panics
-    /// If there is not one value a pixel.
-    pub fn from_linear(width: u32, height: u32, rgba: &[[f64; 4]], background: [u8; 3]) -> Image {
-        assert_eq!(rgba.len(), width as usize * height as usize, "one value a pixel");
-        let background = background.map(|b| srgb_to_linear(b as f64 / 255.0));
-        let over = |p: &[f64; 4]| {
-            std::array::from_fn(|i| {
-                let v = p[i] + (1.0 - p[3]) * background[i];
-                // NaN must stay, so that `compare` can refuse it.
-                linear_to_srgb(if v.is_nan() { v } else { v.clamp(0.0, 1.0) })
-            })
-        };
-        Image { width, height, rgb: rgba.iter().map(over).collect(), alpha: Some(rgba.iter().map(|p| p[3]).collect()) }
-    }
-
-    /// Luma of ITU-R BT.601 on encoded values, the grey that SSIM's authors use.
-    fn luma(&self) -> Vec<f64> {
-        self.rgb.iter().map(|[r, g, b]| 0.299 * r + 0.587 * g + 0.114 * b).collect()
-    }
-
-    fn is_uniform(&self) -> bool {
-        let same = self.rgb.windows(2).all(|w| w[0] == w[1]);
-        same && self.alpha.as_ref().is_none_or(|a| a.windows(2).all(|w| w[0] == w[1]))
-    }
-}
+use super::depth::{self, DepthError};
+use super::image::Image;
+use super::interior::{self, Interior};
+use super::silhouette::{self, Silhouette};
+use super::ssim;
 
 /// Why two pictures cannot be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,7 +20,7 @@ pub enum Incomparable {
     Sizes([u32; 2], [u32; 2]),
     /// There are no pixels.
     Empty,
-    /// A value of this pixel (x, y) is NaN or infinite in one of them.
+    /// A colour or the coverage of this pixel (x, y) is NaN or infinite in one of them, or its depth is NaN.
     NotFinite(u32, u32),
 }
 
@@ -94,7 +38,7 @@ impl fmt::Display for Incomparable {
 
 impl std::error::Error for Incomparable {}
 
-/// How two pictures differ, in units of the full range (1 = from black to white).
+/// How a picture differs from the truth, in units of the full range (1 = from black to white).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Difference {
     /// Pixels compared.
@@ -115,35 +59,52 @@ pub struct Difference {
     pub over: u64,
     /// Mean structural similarity of the luma, 1 for equal pictures; `None` for pictures below 11 × 11, the window's size.
     pub ssim: Option<f64>,
+    /// Mean of the perceptual error FLIP, 0 to 1, of the pictures in 8 bit at 67 pixels a degree (`flip::error_map`);
+    /// `None` without the feature `flip`, or for pictures of more pixels than it takes.
+    pub flip: Option<f64>,
+    /// Errors away from every outline; `None` unless both know their coverage.
+    pub interior: Option<Interior>,
+    /// Errors of the outline; `None` unless both know their coverage.
+    pub silhouette: Option<Silhouette>,
+    /// Errors of the depth; `None` unless both know it.
+    pub depth: Option<DepthError>,
     /// Both pictures show one colour all over: suspect, even where they are equal.
     pub blank: bool,
 }
 
-/// Compares two pictures of one size; pixels off by more than `tolerance` (of the full range) are counted.
-pub fn compare(a: &Image, b: &Image, tolerance: f64) -> Result<Difference, Incomparable> {
-    if (a.width, a.height) != (b.width, b.height) {
-        return Err(Incomparable::Sizes([a.width, a.height], [b.width, b.height]));
+/// Compares a picture with the truth, of the same size; pixels off by more than `tolerance` (of the full range) are
+/// counted.
+///
+/// # Errors
+/// As [`Incomparable`] tells.
+///
+/// # Panics
+/// If an [`Image`] has not one value a pixel.
+pub fn compare(truth: &Image, picture: &Image, tolerance: f64) -> Result<Difference, Incomparable> {
+    if (truth.width, truth.height) != (picture.width, picture.height) {
+        return Err(Incomparable::Sizes([truth.width, truth.height], [picture.width, picture.height]));
     }
-    let pixels = a.rgb.len();
+    let pixels = truth.rgb.len();
     if pixels == 0 {
         return Err(Incomparable::Empty);
     }
-    for image in [a, b] {
-        let bad = |i: &usize| {
-            !(image.rgb[*i].iter().all(|v| v.is_finite()) && image.alpha.as_ref().is_none_or(|a| a[*i].is_finite()))
+    for image in [truth, picture] {
+        let bad = |&i: &usize| {
+            !(image.rgb[i].iter().all(|v| v.is_finite())
+                && image.alpha.as_ref().is_none_or(|a| a[i].is_finite())
+                && image.depth.as_ref().is_none_or(|z| !z[i].is_nan()))
         };
         if let Some(i) = (0..pixels).find(bad) {
-            return Err(Incomparable::NotFinite(i as u32 % a.width, i as u32 / a.width));
+            return Err(Incomparable::NotFinite(i as u32 % image.width, i as u32 / image.width));
         }
     }
 
-    let alphas = a.alpha.as_ref().zip(b.alpha.as_ref());
+    let alphas = truth.alpha.as_ref().zip(picture.alpha.as_ref());
     let (mut squares, mut squares_covered, mut covered) = (0.0, 0.0, 0);
     let (mut max, mut max_alpha, mut over) = (0.0f64, 0.0f64, 0);
     for i in 0..pixels {
-        let errors: [f64; 3] = std::array::from_fn(|c| (a.rgb[i][c] - b.rgb[i][c]).abs());
-        let square: f64 = errors.iter().map(|e| e * e).sum();
-        let mut worst = errors.iter().fold(0.0f64, |m, &e| m.max(e));
+        let square = square(truth, picture, i);
+        let mut worst = (0..3).fold(0.0f64, |m, c| m.max((truth.rgb[i][c] - picture.rgb[i][c]).abs()));
         squares += square;
         max = max.max(worst);
         if let Some((a, b)) = alphas {
@@ -157,9 +118,8 @@ pub fn compare(a: &Image, b: &Image, tolerance: f64) -> Result<Difference, Incom
         }
         over += (worst > tolerance) as u64;
     }
-    let rmse = |squares: f64, pixels: u64| (squares / (3 * pixels) as f64).sqrt();
-    let psnr = |rmse: f64| -20.0 * rmse.log10();
     let all = rmse(squares, pixels as u64);
+    let size = [truth.width as usize, truth.height as usize];
     Ok(Difference {
         pixels: pixels as u64,
         covered: alphas.map(|_| covered),
@@ -169,59 +129,38 @@ pub fn compare(a: &Image, b: &Image, tolerance: f64) -> Result<Difference, Incom
         max,
         max_alpha: alphas.map(|_| max_alpha),
         over,
-        ssim: ssim(&a.luma(), &b.luma(), a.width as usize, a.height as usize),
-        blank: a.is_uniform() && b.is_uniform(),
+        ssim: ssim::ssim(&truth.luma(), &picture.luma(), size[0], size[1]),
+        flip: mean_flip(truth, picture),
+        interior: interior::interior(truth, picture),
+        silhouette: alphas.map(|(truth, picture)| silhouette::silhouette(truth, picture, size)),
+        depth: truth.depth.as_ref().zip(picture.depth.as_ref()).map(|(truth, picture)| depth::depth(truth, picture)),
+        blank: truth.is_uniform() && picture.is_uniform(),
     })
 }
 
-/// Side of the window \[px\] and the Gaussian's σ.
-const WINDOW: usize = 11;
-const SIGMA: f64 = 1.5;
-
-/// Mean over all windows that lie within the picture.
-fn ssim(a: &[f64], b: &[f64], width: usize, height: usize) -> Option<f64> {
-    if width < WINDOW || height < WINDOW {
-        return None;
-    }
-    let mean_a = blur(width, height, |i| a[i]);
-    let mean_b = blur(width, height, |i| b[i]);
-    let squares_a = blur(width, height, |i| a[i] * a[i]);
-    let squares_b = blur(width, height, |i| b[i] * b[i]);
-    let products = blur(width, height, |i| a[i] * b[i]);
-    // (K₁ L)² and (K₂ L)² with L = 1.
-    let (c1, c2) = (0.01f64.powi(2), 0.03f64.powi(2));
-    let sum: f64 = (0..mean_a.len())
-        .map(|i| {
-            let (ma, mb) = (mean_a[i], mean_b[i]);
-            let (va, vb, cov) = (squares_a[i] - ma * ma, squares_b[i] - mb * mb, products[i] - ma * mb);
-            (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2))
-        })
-        .sum();
-    Some(sum / mean_a.len() as f64)
+/// The sum of the three colours' squared errors of pixel `i`.
+pub(super) fn square(truth: &Image, picture: &Image, i: usize) -> f64 {
+    (0..3).map(|c| (truth.rgb[i][c] - picture.rgb[i][c]).powi(2)).sum()
 }
 
-/// Gaussian means at the (width − 10) · (height − 10) places where the window fits.
-fn blur(width: usize, height: usize, value: impl Fn(usize) -> f64) -> Vec<f64> {
-    let mut kernel: [f64; WINDOW] = std::array::from_fn(|i| {
-        let d = i as f64 - (WINDOW / 2) as f64;
-        (-0.5 * d * d / (SIGMA * SIGMA)).exp()
-    });
-    let total: f64 = kernel.iter().sum();
-    kernel.iter_mut().for_each(|k| *k /= total);
-    let columns = width + 1 - WINDOW;
-    let mut rows = Vec::with_capacity(columns * height);
-    for y in 0..height {
-        for x in 0..columns {
-            rows.push((0..WINDOW).map(|k| kernel[k] * value(y * width + x + k)).sum::<f64>());
-        }
-    }
-    let mut out = Vec::with_capacity(columns * (height + 1 - WINDOW));
-    for y in 0..height + 1 - WINDOW {
-        for x in 0..columns {
-            out.push((0..WINDOW).map(|k| kernel[k] * rows[(y + k) * columns + x]).sum());
-        }
-    }
-    out
+/// Root mean square of a colour's error from a sum of squares over `pixels`.
+pub(super) fn rmse(squares: f64, pixels: u64) -> f64 {
+    (squares / (3 * pixels) as f64).sqrt()
+}
+
+/// In dB, for a range of 1.
+pub(super) fn psnr(rmse: f64) -> f64 {
+    -20.0 * rmse.log10()
+}
+
+#[cfg(feature = "flip")]
+fn mean_flip(truth: &Image, picture: &Image) -> Option<f64> {
+    super::flip::error_map(truth, picture).map(|map| map.mean())
+}
+
+#[cfg(not(feature = "flip"))]
+fn mean_flip(_: &Image, _: &Image) -> Option<f64> {
+    None
 }
 
 #[cfg(test)]

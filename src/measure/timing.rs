@@ -19,7 +19,7 @@ pub struct Summary {
 
 impl Summary {
     /// The summary of these samples, in any order; `None` if there is none or one is not finite, so that no field ever is
-    /// NaN. Quantiles are interpolated between neighbours (Hyndman and Fan 1996, definition 7).
+    /// NaN. Quantiles are interpolated between neighbours.
     pub fn of(samples: &[f64]) -> Option<Summary> {
         if samples.is_empty() || samples.iter().any(|s| !s.is_finite()) {
             return None;
@@ -27,12 +27,7 @@ impl Summary {
         let mut sorted = samples.to_vec();
         sorted.sort_by(f64::total_cmp);
         let last = sorted.len() - 1;
-        let quantile = |q: f64| {
-            let at = q * last as f64;
-            let (low, share) = (at.floor() as usize, at.fract());
-            let high = (low + 1).min(last);
-            sorted[low] * (1.0 - share) + sorted[high] * share
-        };
+        let quantile = |q: f64| quantile(&sorted, q);
         Some(Summary {
             samples: sorted.len(),
             min: sorted[0],
@@ -47,6 +42,15 @@ impl Summary {
     pub fn spread(&self) -> f64 {
         self.upper - self.lower
     }
+}
+
+/// The `q`-quantile of sorted samples, at least one; interpolated between neighbours (Hyndman and Fan 1996, definition 7).
+pub(super) fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let last = sorted.len() - 1;
+    let at = q * last as f64;
+    let (low, share) = (at.floor() as usize, at.fract());
+    let high = (low + 1).min(last);
+    sorted[low] * (1.0 - share) + sorted[high] * share
 }
 
 #[cfg(test)]

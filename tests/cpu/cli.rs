@@ -188,3 +188,73 @@ fn pictures_are_compared() {
     refused(&["compare", &a, &path("text.png")], "text.png");
     fs::remove_dir_all(here).unwrap();
 }
+
+#[test]
+fn holes_depths_and_a_picture_of_the_error() {
+    use surfel::exr::FloatPicture;
+    let here = folder("compare-exr");
+    let path = |name: &str| here.join(name).to_string_lossy().into_owned();
+    let (a, b, png, out) = (path("a.exr"), path("b.exr"), path("b.png"), path("d.png"));
+    let mut truth = FloatPicture {
+        width: 16,
+        height: 12,
+        rgba: vec![[0.5, 0.25, 0.125, 1.0]; 16 * 12],
+        coverage: true,
+        depth: Some(vec![4.0; 16 * 12]),
+    };
+    // The left half is background.
+    for i in (0..16 * 12).filter(|i| i % 16 < 8) {
+        (truth.rgba[i], truth.depth.as_mut().unwrap()[i]) = ([0.0; 4], f32::INFINITY);
+    }
+    truth.write(&a).unwrap();
+    let mut picture = truth.clone();
+    let hole = 5 * 16 + 11;
+    (picture.rgba[hole], picture.depth.as_mut().unwrap()[hole]) = ([0.0; 4], f32::INFINITY);
+    picture.depth.as_mut().unwrap()[9] = 5.0;
+    picture.write(&b).unwrap();
+    let json = |args: &[&str]| -> serde_json::Value {
+        let output = surfel(&[&["compare", "--json"], args].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let same = json(&[&a, &a]);
+    assert_eq!((&same["equal"], &same["flip"], &same["depth"]["max"]), (&true.into(), &0.0.into(), &0.0.into()));
+    let d = json(&[&a, &b, "--difference", &out]);
+    let found = ["holes", "holes_inside", "spill", "outline", "covered_truth", "interior"].map(|k| d[k].as_u64());
+    // Of 8 × 12 covered pixels, 7 × 12 have no background beside them, and nine see the hole.
+    assert_eq!(found, [1, 1, 0, 12, 96, 75].map(Some));
+    assert_eq!((&d["rmse_interior"], &d["psnr_interior"]), (&0.0.into(), &serde_json::Value::Null));
+    assert!((d["holes_share"].as_f64().unwrap() - 1.0 / 12.0).abs() < 1e-15);
+    let depth = ["pixels", "only_truth", "only_picture"].map(|k| d["depth"][k].as_u64());
+    assert_eq!((depth, d["depth"]["max"].as_f64()), ([95, 1, 0].map(Some), Some(0.25)));
+    assert!(d["flip"].as_f64().unwrap() > 0.0);
+    let map = image::open(&out).unwrap().to_rgb8();
+    assert!(map.dimensions() == (16, 12) && map.get_pixel(11, 5) != map.get_pixel(0, 11));
+    json(&[&a, &b, "--difference", &out, "--map", "absolute"]);
+    let map = image::open(&out).unwrap().to_rgb8();
+    let lit: Vec<_> = map.enumerate_pixels().filter(|p| p.2.0 != [0; 3]).map(|p| (p.0, p.1)).collect();
+    assert_eq!(lit, [(11, 5)], "only the hole differs in colour");
+
+    // The same picture in bytes, transparent where it is not covered: linear 0.5, 0.25, 0.125 is sRGB 188, 137, 99.
+    let bytes = |i: u32| if i % 16 < 8 || i as usize == hole { [255, 0, 255, 0] } else { [188, 137, 99, 255] };
+    image::RgbaImage::from_fn(16, 12, |x, y| image::Rgba(bytes(y * 16 + x))).save(&png).unwrap();
+    let d = json(&[&b, &png, "--tolerance", "1"]);
+    assert_eq!((&d["over"], &d["holes"], &d["depth"]), (&0.into(), &0.into(), &serde_json::Value::Null));
+    let text = stdout(&surfel(&["compare", &a, &b]));
+    for row in ["flip", "interior", "holes    1 pixels, 8.33 % of the outline; 1 inside", "spill", "depth"] {
+        assert!(text.contains(row), "{row}: {text}");
+    }
+
+    let before = fs::read(&a).unwrap();
+    let linked = path("linked.png");
+    std::os::unix::fs::symlink(&png, &linked).unwrap();
+    assert!(refused(&["compare", &a, &png, "--difference", &linked], "b.png").contains("overwritten"));
+    usage(&["compare", &a, &b, "--difference", &a], ".png");
+    usage(&["compare", &a, &b, "--background", "00000000"], "opaque");
+    usage(&["compare", &a, &b, "--map", "flip"], "--difference");
+    refused(&["compare", &a, &b, "--difference", &path("no/d.png")], "no/d.png");
+    assert_eq!(fs::read(&a).unwrap(), before);
+    fs::write(&b, &before[..before.len() / 2]).unwrap();
+    refused(&["compare", &a, &b], "b.exr");
+    fs::remove_dir_all(here).unwrap();
+}

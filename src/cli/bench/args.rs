@@ -1,0 +1,103 @@
+//! What may be asked of `surfel bench`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+
+use super::super::args::{EllipseKind, LensArgs, LookArgs, axis, inputs};
+use super::super::parse::{self, Input};
+use surfel::technique::{PRESETS, Technique};
+
+/// Measures time against error. `surfel bench raw` measures what the device could do at best.
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct BenchArgs {
+    #[command(subcommand)]
+    pub command: Option<BenchCommand>,
+    #[command(flatten)]
+    pub sweep: SweepArgs,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum BenchCommand {
+    /// Points and fragments a second by size, primitive, vertex format and attachments.
+    Raw(RawArgs),
+}
+
+/// What the pictures are judged by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TruthKind {
+    /// The mesh where the input has faces, else the supersampled reference.
+    Auto,
+    /// A ray cast of the input's faces, interpolated normals and colours.
+    Mesh,
+    /// All points in f64, two-pass, at eight times the size.
+    Supersampled,
+}
+
+/// Every value of every list is combined with every other.
+#[derive(Debug, Args)]
+pub struct SweepArgs {
+    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]`; each is measured by itself.
+    #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
+    pub inputs: Vec<Input>,
+    /// Folder for report.html, results.json, results.csv and the pictures. What is finished there is not done again.
+    #[arg(short, long, value_name = "DIR", required = true)]
+    pub out: Option<PathBuf>,
+    /// Number of views: evenly spread about the input, each as near as everything fits.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub views: u32,
+    /// Sizes of the picture in pixels.
+    #[arg(long, value_name = "WxH,…", default_value = "640x640", value_delimiter = ',', value_parser = parse::size)]
+    pub sizes: Vec<[u32; 2]>,
+    /// Techniques by name [default: all].
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = axis(PRESETS))]
+    pub techniques: Vec<Technique>,
+    /// How outlines are computed.
+    #[arg(long, value_enum, value_name = "KIND,…", default_value = "exact", value_delimiter = ',')]
+    pub ellipses: Vec<EllipseKind>,
+    /// Splat sizes: factors on the radii.
+    #[arg(long, value_name = "S,…", default_value = "1", value_delimiter = ',', value_parser = parse::positive)]
+    pub scales: Vec<f64>,
+    /// Depth tolerances in radii [default: the one of `--tolerance`].
+    #[arg(long, value_name = "REL,…", value_delimiter = ',', value_parser = parse::not_negative)]
+    pub tolerances: Vec<f64>,
+    /// Numbers of points: the faces are sampled evenly so often, instead of drawing the vertices.
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
+    pub samples: Vec<u32>,
+    /// What the pictures are judged by.
+    #[arg(long, value_enum, default_value = "auto")]
+    pub truth: TruthKind,
+    /// Rounds: in each, every combination is timed once, so that a disturbance meets all of them.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub rounds: u32,
+    /// Timed frames of a combination in a round, after one untimed.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub frames: u32,
+    #[command(flatten)]
+    pub lens: LensArgs,
+    #[command(flatten)]
+    pub look: LookArgs,
+    /// Colour behind the points.
+    #[arg(long, value_name = "RRGGBB", default_value = "1d1f23", value_parser = parse::color)]
+    pub background: [u8; 4],
+    /// Runs the numerical stress suite as well, for the report.
+    #[arg(long)]
+    pub stress: bool,
+    /// A results.json of before: says what is faster or slower, with confidence intervals.
+    #[arg(long, value_name = "OLD.json")]
+    pub baseline: Option<PathBuf>,
+    /// Part of the name of the device to use [default: the fastest kind].
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
+    /// No progress on stderr, and only the report's path on stdout.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct RawArgs {
+    /// Part of the name of the device to use [default: the fastest kind].
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
+}
