@@ -39,6 +39,9 @@ pub fn footprint(setup: &Setup, splat: &Splat) -> Option<Bound> {
 /// How far off rounding may be in the projected centre and in the outline about it \[px\]: pixel coordinates by a share of
 /// where they are, eye space by a share of the distance.
 pub fn pixel_error(setup: &Setup, splat: &Splat) -> f64 {
+    if setup.margin == 0.0 {
+        return 0.0;
+    }
     let camera = &setup.camera;
     let size = (camera.width + camera.height) as f64;
     let (place, w) = match splat.screen {

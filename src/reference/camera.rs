@@ -70,6 +70,7 @@ impl Camera {
     /// The ray through a place in the picture \[px\].
     ///
     /// With w = s3.w − s3.z z the two equations s·(x, y, −z, 1) = f w are linear in (x, y) and in z.
+    #[inline(always)]
     pub fn ray(&self, fragment: DVec2) -> Ray {
         let [s0, s1, s3] = self.rows;
         let solve = |b: DVec2| dvec2(self.inverse[0].dot(b), self.inverse[1].dot(b));
@@ -84,7 +85,7 @@ impl Camera {
     }
 
     /// Width of a pixel at a linear depth, across the picture's centre, the wider of its two sides \[world units\].
-    pub fn pixel_width(&self, depth: f64) -> f64 {
+    pub fn width_at(&self, depth: f64) -> f64 {
         let focal = self.rows[0].truncate().length().min(self.rows[1].truncate().length());
         self.w(DVec3::new(0.0, 0.0, -depth)).abs() / focal
     }
@@ -93,6 +94,17 @@ impl Camera {
     pub fn project(&self, p: DVec3) -> DVec2 {
         let h = p.extend(1.0);
         dvec2(self.rows[0].dot(h), self.rows[1].dot(h)) / self.w(p)
+    }
+
+    /// Side of the square across the ray at `p` whose image has the area of a pixel \[world units\]; `at` is where `p`
+    /// appears \[px\] and `viewer` the unit vector from there towards the viewer.
+    ///
+    /// The image x_k = s_k·h / w has the derivative J_k = (s_k − x_k s_3) / w, and two unit vectors a, b across the ray
+    /// span (J_0·a)(J_1·b) − (J_0·b)(J_1·a) = (J_0 × J_1)·(a × b), where a × b is the ray's own direction.
+    pub fn pixel_width(&self, p: DVec3, at: DVec2, viewer: DVec3) -> f64 {
+        let [s0, s1, s3] = self.rows.map(|row| row.truncate());
+        let area = (s0 - at.x * s3).cross(s1 - at.y * s3).dot(viewer);
+        self.w(p) / area.abs().sqrt()
     }
 
     /// From an eye-space point to the viewer, unit length; +Z from the eye itself.

@@ -5,6 +5,7 @@ use glam::DVec2;
 use super::bound::pixel_error;
 use super::camera::Ray;
 use super::splat::{Setup, Shape, Splat};
+use super::ties::Ties;
 
 /// What a splat contributes to a pixel.
 #[derive(Debug, Clone, Copy)]
@@ -13,37 +14,48 @@ pub struct Fragment {
     pub z: f64,
     /// How far off rounding may be in it.
     pub dz: f64,
-    /// Weight, 1 for the opaque blend.
-    pub weight: f64,
+    /// u²: squared distance from the centre in units of the radius, or of ρ where that is less; 0 in squares.
+    pub u2: f64,
     /// Covers the pixel; fragments that do not are there because rounding may say so.
     pub inside: bool,
     /// Rounding cannot decide otherwise.
     pub sure: bool,
-    /// How fast the weight changes with the fragment's place \[1/px\].
+    /// How fast the weight changes with the fragment's place \[1/px\]; 0 where ties are not kept.
     pub slope: f64,
+}
+
+impl Fragment {
+    /// The Gaussian weight 2^(−4u²).
+    pub fn weight(&self) -> f64 {
+        (-4.0 * self.u2).exp2()
+    }
 }
 
 /// Snapping of sprite positions \[px\]: Vulkan promises at least 4 bits below the pixel, all known devices have 8.
 const SNAP: f64 = 1.0 / 256.0;
 
-/// The splat's fragment at this pixel centre; `None` where it has none and rounding could not make one.
-pub fn fragment(setup: &Setup, splat: &Splat, at: DVec2, ray: &Ray) -> Option<Fragment> {
+/// The splat's fragment at this pixel centre; `None` where it has none and rounding, where ties are kept, could
+/// not make one.
+#[inline(always)]
+pub fn fragment<T: Ties>(setup: &Setup, splat: &Splat, at: DVec2, ray: &Ray) -> Option<Fragment> {
     match setup.shape {
         Shape::Square { half } => square(setup, splat, at, half),
-        Shape::Disk { hard } => disk(setup, splat, at, ray, hard),
+        Shape::Disk { .. } => disk::<T>(setup, splat, at, ray),
     }
 }
 
-fn disk(setup: &Setup, splat: &Splat, at: DVec2, ray: &Ray, hard: bool) -> Option<Fragment> {
+#[inline(always)]
+fn disk<T: Ties>(setup: &Setup, splat: &Splat, at: DVec2, ray: &Ray) -> Option<Fragment> {
     let (margin, near) = (setup.margin, setup.camera.near);
-    // Squared distance in the disk, depth, and the cosine between ray and normal; infinite and z_p without a hit.
-    let (mut object, mut z, cosine) = match splat.affine {
+    // Squared distance in the disk [world units²], depth, and slope and length of the ray for its cosine with the
+    // normal; infinite and z_p without a hit.
+    let (object, z, [slope, length]) = match splat.affine {
         None => {
             let slope = splat.n.dot(ray.direction);
             let t = splat.n.dot(splat.p - ray.origin) / slope;
             let hit = t.is_finite() && (t > 0.0 || !setup.camera.perspective);
             let x = ray.origin + t * ray.direction - splat.p;
-            (if hit { x.length_squared() } else { f64::INFINITY }, if hit { t } else { splat.z }, slope / ray.length)
+            (if hit { x.length_squared() } else { f64::INFINITY }, if hit { t } else { splat.z }, [slope, ray.length])
         }
         // First order about the centre: the pixel's offset at the centre's depth, along the centre's ray onto the plane.
         Some(direction) => {
@@ -52,43 +64,39 @@ fn disk(setup: &Setup, splat: &Splat, at: DVec2, ray: &Ray, hard: bool) -> Optio
             let t = splat.n.dot(offset) / slope;
             let x = (offset - t * direction).length_squared();
             let hit = x.is_finite();
-            let cosine = slope / direction.length();
-            (if hit { x } else { f64::INFINITY }, if hit { splat.z - t } else { splat.z }, cosine)
+            let length = if T::KEPT { direction.length() } else { 1.0 };
+            (if hit { x } else { f64::INFINITY }, if hit { splat.z - t } else { splat.z }, [slope, length])
         }
     };
-    object /= splat.r * splat.r;
+    // Squared distance on the screen [px²].
     let screen = match splat.screen {
-        Some(c) if setup.low_pass > 0.0 => c.distance_squared(at) / (setup.low_pass * setup.low_pass),
+        Some(c) if setup.low_pass > 0.0 => c.distance_squared(at),
         _ => f64::INFINITY,
     };
-    let u2 = object.min(screen);
-    let hit_depth = z;
-    z = z.clamp(splat.z - splat.r, splat.z + splat.r);
-    let covered = u2 <= 1.0;
-    let mut fragment = Fragment {
-        z,
-        dz: 0.0,
-        weight: if hard || !covered { 1.0 } else { (-4.0 * u2).exp2() },
-        inside: splat.drawn && covered && z >= near,
-        sure: true,
-        slope: 0.0,
-    };
-    if !hard && covered {
-        // d w / d u = 8 ln 2 · u w; u changes by 1/ρ a pixel, or by a pixel's width on the plane over r.
-        let per_pixel = if object < screen {
-            setup.camera.pixel_width(hit_depth) / (splat.r * cosine.abs())
-        } else {
-            1.0 / setup.low_pass
-        };
-        fragment.slope = 8.0 * std::f64::consts::LN_2 * u2.sqrt() * fragment.weight * per_pixel;
+    let (r2, low_pass2) = (splat.r * splat.r, setup.low_pass * setup.low_pass);
+    // u ≤ 1 without a division: two of three places in a bound are outside.
+    let covered = object <= r2 || screen <= low_pass2;
+    if !T::KEPT && !covered {
+        return None;
     }
-    if margin == 0.0 {
+    let (object, screen) = (object / r2, screen / low_pass2);
+    let hit_depth = z;
+    let z = z.clamp(splat.z - splat.r, splat.z + splat.r);
+    let inside = splat.drawn && covered && z >= near;
+    let mut fragment = Fragment { z, dz: 0.0, u2: object.min(screen), inside, sure: true, slope: 0.0 };
+    if !T::KEPT {
         return fragment.inside.then_some(fragment);
     }
 
+    let cosine = (slope / length).abs().max(f64::MIN_POSITIVE);
+    if covered {
+        // d w / d u = 8 ln 2 · u w; u changes by 1/ρ a pixel, or by a pixel's width on the plane over r.
+        let per_pixel =
+            if object < screen { setup.camera.width_at(hit_depth) / (splat.r * cosine) } else { 1.0 / setup.low_pass };
+        fragment.slope = 8.0 * std::f64::consts::LN_2 * fragment.u2.sqrt() * fragment.weight() * per_pixel;
+    }
     // Positions are off by margin · |p|, normals by margin, so that the hit moves within the plane by
     // (margin |p| + margin |x − p|) / cosine.
-    let cosine = cosine.abs().max(f64::MIN_POSITIVE);
     let distance = splat.p.length();
     let moved = margin * (distance / splat.r + object.sqrt().min(f64::MAX)) / cosine;
     // 2 u δu + δu² about the rim, u = 1.
@@ -123,5 +131,5 @@ fn square(setup: &Setup, splat: &Splat, at: DVec2, half: f64) -> Option<Fragment
     }
     let sure = margin == 0.0 || (splat.sure && reach < half - border && splat.z - dz >= setup.camera.near);
     let inside = inside && splat.drawn;
-    (inside || !sure).then_some(Fragment { z: splat.z, dz, weight: 1.0, inside, sure, slope: 0.0 })
+    (inside || !sure).then_some(Fragment { z: splat.z, dz, u2: 0.0, inside, sure, slope: 0.0 })
 }

@@ -25,14 +25,23 @@
 //! bounds Sigg, Weyrich, Botsch, Gross: GPU-Based Ray-Casting of Quadratic Surfaces, 2006, in the form for flat disks.
 #![forbid(unsafe_code)]
 
+mod bins;
 mod bound;
 mod camera;
 mod fragment;
+mod mesh;
+mod pixel;
 mod shade;
 mod splat;
+mod ties;
 mod tiles;
+mod tiling;
+mod truth;
 
 use glam::DMat4;
+
+pub use mesh::Surface;
+pub use truth::{MeshInstance, MeshScene, SAMPLES, ray_cast};
 
 use crate::select::{DrawList, View};
 use crate::structure::Flat;
@@ -86,7 +95,7 @@ pub struct Picture {
     /// lighting), so that rounding may change it by more than rounding. All false for a margin of 0.
     pub ties: Vec<bool>,
     /// How fast a channel changes at most where all splats move against the pixel, each its own way \[1/px\], to first
-    /// order and without light: what a displacement of the splats' images by rounding is multiplied by. 0 for `opaque`.
+    /// order and without light: what a displacement of the splats' images by rounding is multiplied by. 0 for `opaque`, and for a margin of 0.
     pub sensitivity: Vec<f64>,
     /// What became of the splats.
     pub counts: Counts,
@@ -117,8 +126,36 @@ pub struct Counts {
 /// # Panics
 /// If a span lies outside its cloud, or `host_depth` has a wrong length.
 pub fn render(scene: &Scene, margin: f64) -> Picture {
-    let setup = splat::Setup::new(scene, margin);
-    let mut picture = tiles::draw(scene, &setup);
+    finished(scene, 1, margin)
+}
+
+/// The same picture from `factor` × `factor` samples a pixel, box-filtered: truth where there is no surface (8 in
+/// `docs/MEASURING.md`).
+///
+/// The mean of the samples' premultiplied linear light, coverage included, is the pixel. Its depth is the lower median
+/// of the depths of those samples that are covered, infinite where none is. The picture of samples is never held: beside
+/// the splats' numbers by tile (4 B for each tile of 32 × 32 samples that a splat may touch) a thread has one tile.
+///
+/// What the scene measures in pixels:
+/// - `low_pass` (ρ) is in samples: it is there against aliasing, which more samples do not have. With it go the
+///   widening of the tolerance on slopes and the bounds.
+/// - The side of [`Footprint::Pixels`](crate::style::Footprint::Pixels) is in final pixels: squares keep their size.
+/// - The eye-dome's radius is in final pixels: it is applied to the folded colours and depths.
+/// - `host_depth` has a value a final pixel, which all samples of the pixel share.
+///
+/// [`Picture::counts`] are those of the picture of samples, [`Picture::ties`] all false.
+///
+/// # Panics
+/// If `factor` is not 1, 2, 4, 8, 16 or 32, a side of the picture times `factor` exceeds 2³² − 1, or as [`render`].
+pub fn supersampled(scene: &Scene, factor: u32) -> Picture {
+    assert!(factor > 0 && bins::TILE.is_multiple_of(factor), "a factor that divides 32");
+    assert!(scene.width.max(scene.height).checked_mul(factor).is_some(), "at most 2³² − 1 samples along a side");
+    finished(scene, factor, 0.0)
+}
+
+fn finished(scene: &Scene, factor: u32, margin: f64) -> Picture {
+    let setup = splat::Setup::new(scene, factor, margin);
+    let mut picture = tiles::draw(scene, &setup, factor);
     if let Some(eye_dome) = scene.style.eye_dome {
         shade::eye_dome(&mut picture, eye_dome);
     }

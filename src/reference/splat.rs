@@ -27,22 +27,26 @@ pub struct Splat {
     pub n: DVec3,
     /// Radius of the footprint.
     pub r: f64,
-    /// Depth tolerance ε.
-    pub epsilon: f64,
-    /// How far off rounding may be in it.
-    pub d_epsilon: f64,
     /// Linear depth of the centre.
     pub z: f64,
     /// Projected centre \[px\], where the centre is not before the near plane.
     pub screen: Option<DVec2>,
     /// The affine form's direction: the ray through the centre, per unit of linear depth. `None`: exact form.
     pub affine: Option<DVec3>,
-    /// Linear colour.
-    pub color: DVec3,
     /// Not dropped.
     pub drawn: bool,
     /// Rounding cannot turn it to the other side.
     pub sure: bool,
+}
+
+/// What a splat's fragments carry, beside their place.
+pub struct Look {
+    /// Depth tolerance ε.
+    pub epsilon: f64,
+    /// How far off rounding may be in it.
+    pub d_epsilon: f64,
+    /// Linear colour.
+    pub color: DVec3,
 }
 
 /// What becomes of a point.
@@ -73,14 +77,15 @@ pub struct Setup<'a> {
     starts: Vec<u32>,
     pub camera: Camera,
     pub shape: Shape,
-    /// ρ \[px\]
+    /// ρ \[samples\]
     pub low_pass: f64,
     pub margin: f64,
 }
 
 impl<'a> Setup<'a> {
-    pub fn new(scene: &'a Scene<'a>, margin: f64) -> Setup<'a> {
-        let camera = Camera::new(scene.view, scene.width, scene.height);
+    /// Of the scene with both sides of the picture `factor` times as long.
+    pub fn new(scene: &'a Scene<'a>, factor: u32, margin: f64) -> Setup<'a> {
+        let camera = Camera::new(scene.view, scene.width * factor, scene.height * factor);
         let objects = scene
             .instances
             .iter()
@@ -105,7 +110,8 @@ impl<'a> Setup<'a> {
             starts.push(total.expect("at most 2³² − 1 points a frame"));
         }
         let shape = match scene.style.footprint {
-            Footprint::Pixels(side) => Shape::Square { half: 0.5 * side as f64 },
+            // So many of the picture's own pixels.
+            Footprint::Pixels(side) => Shape::Square { half: 0.5 * side as f64 * factor as f64 },
             Footprint::Splat => Shape::Disk { hard: scene.technique.blend == Blend::Opaque },
         };
         Setup { scene, objects, starts, camera, shape, low_pass: scene.style.low_pass as f64, margin }
@@ -118,10 +124,15 @@ impl<'a> Setup<'a> {
 
     /// Point `number` of the draw list.
     pub fn point(&self, number: u32) -> Fate {
+        let (object, index) = self.find(number);
+        self.splat(object, index)
+    }
+
+    /// The cloud of a point of the draw list, and its index there.
+    fn find(&self, number: u32) -> (&Object<'a>, usize) {
         let at = self.starts.partition_point(|&s| s <= number) - 1;
         let span = self.scene.list.spans[at];
-        let object = &self.objects[span.instance as usize];
-        self.splat(object, (span.first + (number - self.starts[at])) as usize)
+        (&self.objects[span.instance as usize], (span.first + (number - self.starts[at])) as usize)
     }
 
     fn splat(&self, object: &Object, index: usize) -> Fate {
@@ -157,27 +168,16 @@ impl<'a> Setup<'a> {
 
         let depth = -p.z;
         let screen = (depth >= self.camera.near).then(|| self.camera.project(p));
-        // The low-pass spreads a splat over ρ pixels of its plane, tan θ times as deep as wide (83° at most): that is
-        // its radius where it exceeds r.
-        let slope = (1.0 - n.dot(viewer).powi(2)).max(0.0).sqrt() / n.dot(viewer).max(1e-6);
-        let spread =
-            if screen.is_some() { self.low_pass * self.pixel_width(p, viewer) * slope.clamp(1.0, 8.0) } else { 0.0 };
-        let tolerance = style.tolerance;
         let mut splat = Splat {
             p,
             n,
             r: if matches!(self.shape, Shape::Disk { hard: true }) { r * std::f64::consts::FRAC_1_SQRT_2 } else { r },
-            epsilon: (tolerance.absolute as f64).max(tolerance.relative as f64 * r.max(spread)),
-            d_epsilon: 0.0,
             z: depth,
             screen,
             affine: None,
-            color: color(object.flat, index, style.base_color),
             drawn,
             sure,
         };
-        // tan θ of a steep splat is off by margin / cos θ relative to it.
-        splat.d_epsilon = splat.epsilon * self.margin * (2.0 + 1.0 / n.dot(viewer).max(0.1));
         if let (Ellipse::Approximate, Some(at)) = (style.ellipse, screen) {
             // Only for disks that do not reach the near plane.
             if splat.z - splat.depth_extent() >= self.camera.near {
@@ -195,20 +195,30 @@ impl<'a> Setup<'a> {
 }
 
 impl Setup<'_> {
-    /// Side of the square across the ray at `p` whose image has the area of a pixel \[world units\].
-    fn pixel_width(&self, p: DVec3, viewer: DVec3) -> f64 {
-        // Central differences over 10⁻⁵ of the distance: error 10⁻¹⁰ from curvature, 10⁻¹⁰ from rounding.
-        let step = 1e-5 * p.length().max(1e-300);
-        let (a, b) = viewer.any_orthonormal_pair();
-        let image = |t: DVec3| (self.camera.project(p + step * t) - self.camera.project(p - step * t)) / (2.0 * step);
-        1.0 / image(a).perp_dot(image(b)).abs().sqrt()
+    /// What the fragments of point `number` carry; `splat` is what it became.
+    pub fn look(&self, number: u32, splat: &Splat) -> Look {
+        let (object, index) = self.find(number);
+        let viewer = self.camera.towards_viewer(splat.p);
+        let cosine = splat.n.dot(viewer);
+        // The low-pass spreads a splat over ρ pixels of its plane, tan θ times as deep as wide (83° at most): that is
+        // its radius where it exceeds r.
+        let slope = (1.0 - cosine.powi(2)).max(0.0).sqrt() / cosine.max(1e-6);
+        let spread = match splat.screen {
+            Some(at) => self.low_pass * self.camera.pixel_width(splat.p, at, viewer) * slope.clamp(1.0, 8.0),
+            None => 0.0,
+        };
+        let tolerance = self.scene.style.tolerance;
+        let epsilon = (tolerance.absolute as f64).max(tolerance.relative as f64 * splat.r.max(spread));
+        // tan θ of a steep splat is off by margin / cos θ relative to it.
+        let d_epsilon = epsilon * self.margin * (2.0 + 1.0 / cosine.max(0.1));
+        Look { epsilon, d_epsilon, color: color(object.flat, index, self.scene.style.base_color) }
     }
 }
 
 impl Splat {
     /// Half the range of depths of the disk.
     pub fn depth_extent(&self) -> f64 {
-        self.r * self.n.x.hypot(self.n.y)
+        self.r * self.n.truncate().length()
     }
 }
 

@@ -3,7 +3,9 @@
 pub mod bare;
 pub mod canary;
 mod device;
+mod held;
 mod offscreen;
+pub mod raw;
 pub mod selftest;
 #[cfg(feature = "reference")]
 pub mod stress;

@@ -21,3 +21,5 @@ mod reference_common;
 mod reference_fragments;
 mod reference_light;
 mod reference_oracle;
+mod reference_supersampled;
+mod reference_truth;

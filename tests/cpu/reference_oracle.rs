@@ -173,7 +173,7 @@ fn styles() -> Vec<Style> {
 }
 
 /// Calls `f` for every view, style and blend, with two clouds of `n` points in four spans.
-fn every_scene(n: usize, seed: u64, f: impl Fn(&Scene, &str)) {
+pub fn every_scene(n: usize, seed: u64, f: impl Fn(&Scene, &str)) {
     let mut random = Random(seed);
     let clouds = [cloud(&mut random, n, true), cloud(&mut random, n, false)];
     let target = clouds[0].origin;

@@ -14,6 +14,7 @@ mod host_scene;
 mod host_table;
 mod host_target;
 mod host_targets;
+mod raw;
 mod selftest;
 mod stress;
 #[path = "../common/vulkan.rs"]

@@ -175,12 +175,12 @@ fn depths(outcome: &mut Outcome, case: &Case, picture: &Picture, expected: &refe
             DepthConvention::Standard => 1.5 * front / view.near() / f64::from(1 << 24),
         };
         let error = (view.linear_depth(depths[i].into()) / front - 1.0).abs() / scale(expected.sensitivity[i]) - step;
-        // Also where it is not a number.
-        if !(error <= worst.0) {
+        let error = if error.is_nan() { f64::INFINITY } else { error };
+        if error > worst.0 {
             worst = (error, i);
         }
     }
-    if !(worst.0 <= case.depth_bound) {
+    if worst.0 > case.depth_bound {
         let (error, i) = worst;
         let at = (i as u32 % case.size[0], i as u32 / case.size[0]);
         outcome.faults.push(format!("depth off by {error:.2e} of {} at {at:?}", expected.depth[i]));

@@ -1,0 +1,3 @@
+#version 460
+#define ATTACHMENTS 3
+#include "raw_color.glsl"
