@@ -17,7 +17,9 @@ pub fn run(args: &CompareArgs) -> Result<Outcome> {
         return Err(Usage("--background of a comparison is opaque: RRGGBB".into()).into());
     };
     if let Some(out) = &args.difference {
-        output::check_png_name(out)?;
+        if output::is_float(out)? {
+            return Err(Usage(format!("{}: the picture of the error is a PNG", out.display())).into());
+        }
         for input in [&args.truth, &args.picture] {
             if output::same(input, out) {
                 bail!("{}: is an input, and would be overwritten", input.display());

@@ -84,7 +84,7 @@ pub fn run(args: &SweepArgs, out: &Path, progress: &Progress) -> Result<Sweep> {
     let off = Offscreen::new(standalone, vk::Extent2D { width: 1, height: 1 }, true)?;
     let mut bench = Bench { args, out, progress, journal, off };
     bench.off.renderer.upload_budget = 256 << 20;
-    let done = (|| {
+    let done: Result<_> = (|| {
         let inputs = args.inputs.iter().map(|input| bench.input(input)).collect::<Result<Vec<_>>>()?;
         let stress = if args.stress { Some(bench.stress()?) } else { None };
         Ok((inputs.concat(), stress))
@@ -239,7 +239,7 @@ impl Bench<'_> {
         records.into_iter().try_for_each(|record| self.journal.add(record))
     }
 
-    fn judge(&self, off: &mut Offscreen, view: &View, way: &Way, stats: FrameStats, truth: &Truth) -> Result<Record> {
+    fn judge(&mut self, view: &View, way: &Way, stats: FrameStats, truth: &Truth) -> Result<Record> {
         let combination = way.combination.clone();
         let picture = output::float(self.off.read()?, view);
         let image = truth::image(&picture, self.args.background);
