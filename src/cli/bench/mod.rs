@@ -1,7 +1,9 @@
 //! `surfel bench`: run time, always against error, and what the device could do at best.
 
 pub mod args;
+mod ceiling;
 mod journal;
+mod plan;
 mod plot;
 mod record;
 mod report;
@@ -30,12 +32,12 @@ fn sweep(args: &SweepArgs) -> Result<Outcome> {
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     let progress = Progress::new(args.quiet);
     let sweep = sweep::run(args, out, &progress)?;
-    let Sweep { records, common, .. } = &sweep;
+    let Sweep { records, ceilings, common, .. } = &sweep;
     let text = |path: &str, text: String| output::write(&out.join(path), |out| Ok(out.write_all(text.as_bytes())?));
-    text("results.json", format!("{:#}\n", json!({"common": common, "records": records})))?;
+    text("results.json", format!("{:#}\n", json!({"common": common, "ceilings": ceilings, "records": records})))?;
     text("results.csv", record::csv(records))?;
     text("report.html", report::html(&sweep, args, out)?)?;
-    let table = if args.quiet { String::new() } else { summary::table(records) };
+    let table = if args.quiet { String::new() } else { summary::table(records, ceilings) };
     super::print(&format!("{}\n{table}", out.join("report.html").display()))?;
     Ok(Outcome::Done)
 }

@@ -69,6 +69,8 @@ pub struct Record {
     pub points_drawn: u64,
     pub draw_calls: u32,
     pub device_bytes: u64,
+    /// Root of the mean squared side of a footprint \[px\].
+    pub footprint: f64,
     /// Times of the splat passes and the composite on the device \[ms\], every timed frame; empty without timestamps.
     pub gpu_ms: Vec<f64>,
     /// From the start of recording to the device's completion \[ms\], every timed frame.
@@ -112,6 +114,7 @@ const COLUMNS: &[Column] = &[
     ("gpu_ms_upper", |r| Summary::of(&r.gpu_ms).map(|s| s.upper)),
     ("frame_ms_median", |r| Summary::of(&r.frame_ms).map(|s| s.median)),
     ("device_bytes", |r| Some(r.device_bytes as f64)),
+    ("footprint_px", |r| Some(r.footprint)),
 ];
 
 /// Errors in the table.
@@ -193,6 +196,7 @@ pub mod tests {
             points_drawn: 9,
             draw_calls: 2,
             device_bytes: 1000,
+            footprint: 4.0,
             gpu_ms: vec![ms, 2.0 * ms, 0.5 * ms],
             frame_ms: vec![3.0 * ms],
             errors: json!({"rmse": rmse, "psnr": null}),

@@ -27,7 +27,7 @@ img{display:block;image-rendering:auto}.plots svg{max-width:100%;height:auto}.no
 pub fn html(sweep: &Sweep, args: &SweepArgs, out: &Path) -> Result<String> {
     let mut page = String::new();
     let device = &sweep.device;
-    let all = points(&sweep.records);
+    let all = points(&sweep.records, &sweep.ceilings);
     // Writing to a string cannot fail.
     let _ = write!(
         page,
@@ -68,6 +68,10 @@ fn timed(args: &SweepArgs, software: bool) -> String {
              against a supersampled truth in f64. <b>Interior:</b> pixels whose neighbourhood is covered in both. \
              <b>Holes:</b> the truth covers the pixel, the picture does not; <b>spill:</b> the reverse; sums over the views, \
              and in brackets as a share of the truth's outline.</p>\n";
+    text += "<p class=\"note\"><b>Ceiling:</b> points a second of the device itself (<code>surfel bench raw</code>), measured \
+             after the views with the same passes and attachments and squares of the mean footprint's side: no disk, no \
+             weight, no selection. In brackets the technique's rate as a share of it; what drops points without drawing \
+             them, such as back faces, may exceed it.</p>\n";
     if software {
         text += "<p class=\"note\"><b>This device is a processor.</b> Its times say nothing about a GPU.</p>\n";
     }
@@ -117,7 +121,7 @@ fn plots(of: &[&Point]) -> Result<String> {
 fn table(of: &[&Point]) -> String {
     let front = measure::pareto(&of.iter().map(|p| (p.ms, p.rmse)).collect::<Vec<_>>());
     let mut text = String::from(
-        "<table><tr><th>technique</th><th>device [ms]</th><th>quartiles</th><th>frame [ms]</th><th>M points/s</th>\
+        "<table><tr><th>technique</th><th>device [ms]</th><th>quartiles</th><th>frame [ms]</th><th>M points/s</th><th>ceiling</th>\
          <th>RMSE</th><th>PSNR [dB]</th><th>interior</th><th>FLIP</th><th>SSIM</th><th>holes</th><th>spill</th></tr>\n",
     );
     let number = |v: Option<f64>, digits: usize| v.map_or("–".into(), |v| format!("{v:.digits$}"));
@@ -128,7 +132,7 @@ fn table(of: &[&Point]) -> String {
         };
         let _ = writeln!(
             text,
-            "<tr{}><td>{}</td><td>{:.2}</td><td>{:.2} – {:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.5}</td><td>{:.2}</td>\
+            "<tr{}><td>{}</td><td>{:.2}</td><td>{:.2} – {:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{}</td><td>{:.5}</td><td>{:.2}</td>\
              <td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             if front.contains(&i) { " class=\"front\"" } else { "" },
             escape(&p.way),
@@ -137,6 +141,7 @@ fn table(of: &[&Point]) -> String {
             p.quartiles[1],
             p.frame_ms,
             p.rate,
+            p.ceiling.map_or("–".into(), |c| format!("{c:.2} ({:.0} %)", 100.0 * p.rate / c)),
             p.rmse,
             -20.0 * p.rmse.log10(),
             number(p.interior, 5),

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use surfel::measure::{self, Summary};
 
+use super::ceiling::{self, Ceiling};
 use super::record::Record;
 
 /// One way to draw one input at one size, over all its views.
@@ -20,6 +21,8 @@ pub struct Point {
     pub frame_ms: f64,
     /// Points submitted a second \[millions\].
     pub rate: f64,
+    /// What the device could do at best with as many points of that size; `None` where that is not known.
+    pub ceiling: Option<f64>,
     /// Root of the mean over the views of the squared RMSE.
     pub rmse: f64,
     /// The same over pixels whose neighbourhood is covered in both; `None` where no view has one.
@@ -40,7 +43,7 @@ pub struct Point {
 }
 
 /// Points in the order of their first records. Records without times are left out.
-pub fn points(records: &[Record]) -> Vec<Point> {
+pub fn points(records: &[Record], ceilings: &[Ceiling]) -> Vec<Point> {
     let mut groups: Vec<(String, String, Vec<&Record>)> = Vec::new();
     for record in records {
         let c = &record.combination;
@@ -51,19 +54,19 @@ pub fn points(records: &[Record]) -> Vec<Point> {
             None => groups.push((scene, way, vec![record])),
         }
     }
-    groups.into_iter().filter_map(|(scene, way, group)| point(scene, way, &group)).collect()
+    groups.into_iter().filter_map(|(scene, way, group)| point(scene, way, &group, ceilings)).collect()
 }
 
-fn point(scene: String, way: String, group: &[&Record]) -> Option<Point> {
+fn point(scene: String, way: String, group: &[&Record], ceilings: &[Ceiling]) -> Option<Point> {
     let times: Vec<Summary> = group.iter().filter_map(|r| r.time()).collect();
     let n = times.len() as f64;
     let mean = |f: fn(&Summary) -> f64| times.iter().map(f).sum::<f64>() / n;
     let frames: Vec<Summary> = group.iter().filter_map(|r| Summary::of(&r.frame_ms)).collect();
     let errors = |key: &str| group.iter().filter_map(|r| r.error(key)).collect::<Vec<f64>>();
     let some = |v: Vec<f64>, f: fn(&[f64]) -> f64| (!v.is_empty()).then(|| f(&v));
-    let average = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
-    let square = |v: &[f64]| (v.iter().map(|x| x * x).sum::<f64>() / v.len() as f64).sqrt();
-    let sum = |v: &[f64]| v.iter().sum::<f64>();
+    let average: fn(&[f64]) -> f64 = |v| v.iter().sum::<f64>() / v.len() as f64;
+    let square: fn(&[f64]) -> f64 = |v| (v.iter().map(|x| x * x).sum::<f64>() / v.len() as f64).sqrt();
+    let sum: fn(&[f64]) -> f64 = |v| v.iter().sum();
     let first = (*group.first()?).clone();
     let ms = (n > 0.0).then(|| mean(|s| s.median))?;
     let submitted = group.iter().map(|r| r.points_submitted as f64).sum::<f64>() / group.len() as f64;
@@ -76,6 +79,7 @@ fn point(scene: String, way: String, group: &[&Record]) -> Option<Point> {
         quartiles: [mean(|s| s.lower), mean(|s| s.upper)],
         frame_ms: frames.iter().map(|s| s.median).sum::<f64>() / frames.len() as f64,
         rate: submitted / ms * 1e-3,
+        ceiling: some(group.iter().filter_map(|r| ceiling::of(r, ceilings)).collect(), average).map(|c| c * 1e-6),
         rmse: some(errors("rmse"), square)?,
         interior: some(errors("rmse_interior"), square),
         flip: some(errors("flip"), average),
@@ -90,8 +94,8 @@ fn point(scene: String, way: String, group: &[&Record]) -> Option<Point> {
 }
 
 /// For the terminal: a line a point, those on the front of time and RMSE marked.
-pub fn table(records: &[Record]) -> String {
-    let points = points(records);
+pub fn table(records: &[Record], ceilings: &[Ceiling]) -> String {
+    let points = points(records, ceilings);
     let mut text = String::new();
     for scene in scenes(&points) {
         let of: Vec<&Point> = points.iter().filter(|p| p.scene == scene).collect();
@@ -100,19 +104,20 @@ pub fn table(records: &[Record]) -> String {
         let _ = writeln!(text, "{scene}");
         let _ = writeln!(
             text,
-            "    {:<40} {:>9} {:>19} {:>10} {:>8} {:>8} {:>7} {:>7}",
-            "", "ms", "quartiles", "M points/s", "RMSE", "FLIP", "holes", "spill"
+            "    {:<40} {:>9} {:>19} {:>10} {:>8} {:>8} {:>8} {:>7} {:>7}",
+            "", "ms", "quartiles", "M points/s", "ceiling", "RMSE", "FLIP", "holes", "spill"
         );
         for (i, p) in of.iter().enumerate() {
             let number = |v: Option<f64>, digits: usize| v.map_or("-".into(), |v| format!("{v:.digits$}"));
             let _ = writeln!(
                 text,
-                "  {} {:<40} {:>9.2} {:>19} {:>10.2} {:>8.5} {:>8} {:>7} {:>7}",
+                "  {} {:<40} {:>9.2} {:>19} {:>10.2} {:>8} {:>8.5} {:>8} {:>7} {:>7}",
                 if front.contains(&i) { '*' } else { ' ' },
                 p.way,
                 p.ms,
                 format!("{:.2} to {:.2}", p.quartiles[0], p.quartiles[1]),
                 p.rate,
+                number(p.ceiling, 2),
                 p.rmse,
                 number(p.flip, 5),
                 number(p.holes, 0),
@@ -121,7 +126,7 @@ pub fn table(records: &[Record]) -> String {
         }
     }
     if !text.is_empty() {
-        text.push_str("* nothing else is both faster and nearer to the truth\n");
+        text.push_str("* nothing else is both faster and nearer to the truth; ceiling: the device's own rate with squares of that size\n");
     }
     text
 }
@@ -148,14 +153,14 @@ mod tests {
         let mut b = record("t", 3.0, 0.4);
         b.combination.view = [1, 2];
         let other = record("u", 5.0, 0.5);
-        let points = points(&[a, b, other]);
+        let points = points(&[a, b, other], &[]);
         assert_eq!(points.len(), 2);
         assert_eq!((points[0].ms, points[0].quartiles), (2.0, [1.5, 3.0]));
         // 10 points in 2 ms on average: 5000 a second.
         assert!((points[0].rate - 0.005).abs() < 1e-15);
         assert!((points[0].rmse - 0.125f64.sqrt()).abs() < 1e-12);
         assert_eq!(points[0].flip, None);
-        let text = table(&[record("t", 1.0, 0.3), record("u", 2.0, 0.4), record("v", 3.0, 0.1)]);
+        let text = table(&[record("t", 1.0, 0.3), record("u", 2.0, 0.4), record("v", 3.0, 0.1)], &[]);
         let marks: Vec<bool> = text.lines().skip(2).map(|l| l.starts_with("  *")).collect();
         assert_eq!(marks, [true, false, true, false], "{text}");
     }

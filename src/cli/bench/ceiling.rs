@@ -1,0 +1,111 @@
+//! What the device does at best with as many points of that size: the ceiling beside every technique's rate.
+
+use std::sync::Arc;
+
+use anyhow::Result;
+use glam::DVec3;
+use serde::Serialize;
+
+use surfel::measure::Summary;
+use surfel::select::View;
+use surfel::standalone::Standalone;
+use surfel::standalone::raw::{self, Case, Color, Passes, Vertices};
+use surfel::structure::Flat;
+use surfel::style::Style;
+use surfel::technique::{Blend, Primitive, Technique};
+
+use super::super::progress::Progress;
+use super::record::{Combination, Record};
+
+/// Points that the mean footprint is taken of, at least, where there are so many.
+const FOOTPRINTS: usize = 10_000;
+
+/// A raw case at one size of picture.
+#[derive(Debug, Clone, Serialize)]
+pub struct Ceiling {
+    /// As `surfel bench raw` names it.
+    pub case: String,
+    /// \[px\]
+    pub size: [u32; 2],
+    /// Points a second, a value a round.
+    pub points_per_second: Vec<f64>,
+}
+
+/// The case that does no more than this combination must: squares of the mean footprint's side, with the same passes and
+/// attachments. `None` for footprints of which the device's rate is not measured.
+fn case(combination: &Combination, footprint: f64) -> Option<Case> {
+    let technique = Technique::named(&combination.technique)?;
+    let point = technique.primitive == Primitive::Point;
+    let opaque = technique.blend == Blend::Opaque;
+    let side = footprint.round();
+    (1.0..=raw::LARGEST as f64).contains(&side).then_some(Case {
+        axis: "technique",
+        primitive: technique.primitive,
+        size: side as u32,
+        vertices: if point { Vertices::F32x4 } else { Vertices::Pulled },
+        passes: if opaque { Passes::Opaque } else { Passes::TwoPass },
+        // Colour, and the surface that light or depth need: the bench's target has depth.
+        attachments: 2,
+        color: Color::Rgba32f,
+        blend: !opaque,
+    })
+}
+
+/// Measures what the records need, each case once a size.
+pub fn measure(
+    standalone: &Standalone,
+    records: &[Record],
+    points: u32,
+    rounds: u32,
+    progress: &Progress,
+) -> Result<Vec<Ceiling>> {
+    let mut wanted: Vec<([u32; 2], Vec<Case>)> = Vec::new();
+    for record in records {
+        let size = record.combination.size;
+        let fits = size.iter().all(|side| (raw::LARGEST..=65_535).contains(side)) && standalone.enabled.timestamps;
+        let Some(case) = case(&record.combination, record.footprint).filter(|_| fits) else { continue };
+        match wanted.iter_mut().find(|(s, _)| *s == size) {
+            Some((_, cases)) if cases.contains(&case) => {}
+            Some((_, cases)) => cases.push(case),
+            None => wanted.push((size, vec![case])),
+        }
+    }
+    let mut ceilings = Vec::new();
+    for (size, cases) in wanted {
+        let step = progress.step("ceilings", 1);
+        let setup = raw::Setup { points, extent: size, rounds };
+        for measured in raw::measure(standalone, &cases, &setup, |done, total| step.set(done, total))? {
+            let points_per_second = measured.points_per_second();
+            ceilings.push(Ceiling { case: measured.case.to_string(), size, points_per_second });
+        }
+    }
+    Ok(ceilings)
+}
+
+/// Points a second that the device could do for this record, median.
+pub fn of(record: &Record, ceilings: &[Ceiling]) -> Option<f64> {
+    let name = case(&record.combination, record.footprint)?.to_string();
+    let ceiling = ceilings.iter().find(|c| c.case == name && c.size == record.combination.size)?;
+    Summary::of(&ceiling.points_per_second).map(|s| s.median)
+}
+
+/// Root of the mean squared side of the squares round the disks whose centres are in the picture \[px\]; 0 for none.
+pub fn footprint(flats: &[Arc<Flat>], view: &View, [_, height]: [u32; 2], style: &Style) -> f64 {
+    let focal = view.focal(height as f64);
+    let clip = view.projection * view.view;
+    let (mut sum, mut n) = (0.0, 0);
+    for flat in flats {
+        for &[x, y, z, r] in flat.geometry.iter().step_by((flat.len() / FOOTPRINTS).max(1)) {
+            let p = flat.origin + DVec3::new(x as f64, y as f64, z as f64);
+            let c = clip * p.extend(1.0);
+            let depth = -view.right_handed().view.transform_point3(p).z;
+            if c.w > 0.0 && c.x.abs() <= c.w && c.y.abs() <= c.w && depth >= view.near() {
+                let radius =
+                    r as f64 * style.radius_scale as f64 * focal / if view.is_perspective() { depth } else { 1.0 };
+                sum += (2.0 * radius.max(style.low_pass as f64)).powi(2);
+                n += 1;
+            }
+        }
+    }
+    if n > 0 { (sum / n as f64).sqrt() } else { 0.0 }
+}
