@@ -1,6 +1,7 @@
 //! What a picture and a frame are judged by: image errors and timing statistics.
 #![forbid(unsafe_code)]
 
+pub mod baseline;
 pub mod compare;
 mod depth;
 pub mod difference;

@@ -77,3 +77,55 @@ fn what_is_refused_leaves_nothing_alive() {
         standalone
     });
 }
+
+#[test]
+fn the_binary_writes_a_report_and_compares_it() {
+    let folder = std::env::temp_dir().join(format!("surfel-raw-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = |name: &str| folder.join(name).to_string_lossy().into_owned();
+    let (old, new) = (path("old.json"), path("new.json"));
+    let bench = |args: &[&str]| {
+        let binary = env!("CARGO_BIN_EXE_surfel");
+        let output = std::process::Command::new(binary).args(["bench", "raw"]).args(args).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    let (code, table, errors) = bench(&["--quick", "--out", &old]);
+    assert_eq!((code, errors.as_str()), (Some(0), ""), "{table}");
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(&old).unwrap()).unwrap();
+    assert_eq!((&report["points"], &report["rounds"]), (&20_000.into(), &5.into()));
+    let listed = report["cases"].as_array().unwrap();
+    assert_eq!(listed.len(), cases().len());
+    for (case, value) in cases().iter().zip(listed) {
+        assert_eq!(value["name"].as_str(), Some(case.to_string().as_str()));
+        assert!(table.contains(&case.to_string()), "{table}");
+        assert!(value["lacks"].is_string() != (value["gpu_ms"].as_array().map(Vec::len) == Some(5)), "{value}");
+        if !value["gpu_ms"].is_null() {
+            let mut ms: Vec<f64> = value["gpu_ms"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+            ms.sort_by(f64::total_cmp);
+            let expected = value["points"].as_f64().unwrap() * 1e3 / ms[2];
+            let median = value["points_per_s"]["median"].as_f64().unwrap();
+            assert!((median / expected - 1.0).abs() < 1e-12, "{value}");
+        }
+    }
+
+    // Another device, a case that is gone, and one that took a thousand times as long.
+    let mut before = report.clone();
+    before["device"] = "another".into();
+    before["cases"][1]["name"] = "gone".into();
+    for ms in before["cases"][0]["gpu_ms"].as_array_mut().unwrap() {
+        *ms = (ms.as_f64().unwrap() * 1e3).into();
+    }
+    std::fs::write(&old, before.to_string()).unwrap();
+    let (code, text, _) = bench(&["--quick", "--out", &new, "--baseline", &old, "-q"]);
+    assert_eq!(code, Some(0));
+    assert!(text.contains("WARNING: another device") && text.contains("gone") && text.contains("MISSING"), "{text}");
+    let base = text.lines().find(|l| l.starts_with(&cases()[0].to_string())).unwrap();
+    assert!(base.ends_with("faster"), "{base}");
+    assert_eq!(bench(&["--quick", "--out", &old, "--baseline", &old]).0, Some(1), "the baseline is not overwritten");
+    assert_eq!(bench(&["--size", "63x64"]).0, Some(2));
+    std::fs::write(&old, "{}").unwrap();
+    let (code, _, errors) = bench(&["--quick", "--baseline", &old]);
+    assert!(code == Some(1) && errors.contains("old.json"), "{errors}");
+    std::fs::remove_dir_all(folder).unwrap();
+}

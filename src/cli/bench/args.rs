@@ -97,7 +97,28 @@ pub struct SweepArgs {
 
 #[derive(Debug, Args)]
 pub struct RawArgs {
+    /// Writes device, cases and every single time.
+    #[arg(short, long, value_name = "FILE.json")]
+    pub out: Option<PathBuf>,
+    /// Points of a case; those of more than 16 pixels are fewer, for as many fragments.
+    #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    pub points: u32,
+    /// Size of the picture in pixels, at least 64x64.
+    #[arg(long, value_name = "WxH", default_value = "640x640", value_parser = parse::size)]
+    pub size: [u32; 2],
+    /// Rounds: in each, every case is timed once, so that a disturbance meets all of them.
+    #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub rounds: u32,
     /// Part of the name of the device to use [default: the fastest kind].
     #[arg(long, value_name = "NAME")]
     pub device: Option<String>,
+    /// A file of `--out` of before: says what is faster or slower, with confidence intervals.
+    #[arg(long, value_name = "OLD.json")]
+    pub baseline: Option<PathBuf>,
+    /// Only whether it runs: 20,000 points, 160x160, 5 rounds.
+    #[arg(long, conflicts_with_all = ["points", "size", "rounds"])]
+    pub quick: bool,
+    /// No progress on stderr and no table on stdout.
+    #[arg(short, long)]
+    pub quiet: bool,
 }

@@ -5,13 +5,14 @@ mod ceiling;
 mod journal;
 mod plan;
 mod plot;
+mod raw;
 mod record;
 mod report;
 mod summary;
 mod sweep;
 mod truth;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use serde_json::json;
 
 use super::progress::Progress;
@@ -22,7 +23,7 @@ use sweep::Sweep;
 /// Runs the sweep, or the ceilings.
 pub fn run(args: &BenchArgs) -> Result<Outcome> {
     match &args.command {
-        Some(BenchCommand::Raw(_)) => bail!("not there yet"),
+        Some(BenchCommand::Raw(args)) => raw::run(args),
         None => sweep(&args.sweep),
     }
 }

@@ -2,7 +2,7 @@
 
 mod demo;
 mod mesh;
-mod rng;
+pub(crate) mod rng;
 mod room;
 mod shapes;
 mod terrain;

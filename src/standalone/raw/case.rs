@@ -154,6 +154,18 @@ impl fmt::Display for Case {
     }
 }
 
+impl Passes {
+    /// Its name in tables and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Passes::Color => "color",
+            Passes::Depth => "depth",
+            Passes::Opaque => "opaque",
+            Passes::TwoPass => "two-pass",
+        }
+    }
+}
+
 impl Vertices {
     /// Its name in tables and files.
     pub fn name(self) -> &'static str {
