@@ -24,6 +24,8 @@ pub struct Cli {
 pub enum Command {
     /// Renders scans into a picture.
     Render(Box<RenderArgs>),
+    /// Draws the picture that is right, without Vulkan: what others are measured by.
+    Reference(Box<ReferenceArgs>),
     /// Says what is in a scan.
     Info(InfoArgs),
     /// Measures how two pictures differ.
@@ -212,6 +214,45 @@ pub struct RenderArgs {
     /// Runs with Vulkan's validation layers; exit code 3 if they say anything.
     #[arg(long)]
     pub validate: bool,
+    /// No progress on stderr and no table on stdout, only the picture's path.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// What is taken for true.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TruthKind {
+    /// Nothing more than `render` draws: the same splats, exactly.
+    None,
+    /// The input's faces, by rays.
+    Mesh,
+    /// The splats, with many samples a pixel.
+    Supersampled,
+}
+
+#[derive(Debug, Args)]
+pub struct ReferenceArgs {
+    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`.
+    #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
+    pub inputs: Vec<Input>,
+    /// The picture to write; EXR has linear, premultiplied colours, coverage and depth.
+    #[arg(short, long, value_name = "OUT.png|OUT.exr")]
+    pub output: PathBuf,
+    /// What is drawn.
+    #[arg(long, value_enum, default_value = "none")]
+    pub truth: TruthKind,
+    /// Samples along a pixel's side [default: 4 for mesh, 8 for supersampled].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub samples: Option<u32>,
+    #[command(flatten)]
+    pub view: ViewArgs,
+    #[command(flatten)]
+    pub technique: TechniqueArgs,
+    #[command(flatten)]
+    pub look: LookArgs,
+    /// Colour behind the surface; its alpha stays in the picture. An EXR has none.
+    #[arg(long, value_name = "RRGGBB[AA]", default_value = "1d1f23", value_parser = parse::color)]
+    pub background: [u8; 4],
     /// No progress on stderr and no table on stdout, only the picture's path.
     #[arg(short, long)]
     pub quiet: bool,

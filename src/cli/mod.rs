@@ -18,6 +18,7 @@ mod output;
 mod palette;
 mod parse;
 mod progress;
+mod reference;
 mod render;
 mod report;
 mod scene;
@@ -62,6 +63,7 @@ pub fn main() -> ExitCode {
     };
     let result = match cli.command {
         Command::Render(args) => render::run(&args),
+        Command::Reference(args) => reference::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench::run(&args),

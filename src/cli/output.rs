@@ -105,6 +105,16 @@ pub fn picture(path: &Path, picture: &FloatPicture, background: [u8; 4]) -> Resu
     png(path, *width, *height, &encode(rgba, background))
 }
 
+/// Whether the name is that of a float picture (EXR), and not of a PNG: nothing else is written.
+pub fn check_float_name(path: &Path) -> Result<bool> {
+    let ends = |with: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(with));
+    if !ends("png") && !ends("exr") {
+        let text = format!("{}: the picture's name must end in .png or .exr", path.display());
+        return Err(Usage(text).into());
+    }
+    Ok(ends("exr"))
+}
+
 /// Writes RGBA rows from the top; without alpha where every pixel is opaque, which more programs show as it is.
 pub fn png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
     let opaque = rgba.chunks_exact(4).all(|p| p[3] == 255);

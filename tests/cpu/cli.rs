@@ -68,6 +68,79 @@ fn what_cannot_be_meant_is_a_usage_error() {
 }
 
 #[test]
+fn what_truth_cannot_be_is_a_usage_error() {
+    let reference =
+        |more: &[&str], says: &str| usage(&[&["reference", "scene:torus:99", "-o", "x.png"], more].concat(), says);
+    usage(&["reference", "scene:torus:99", "-o", "x.jpg"], ".exr");
+    reference(&["--truth", "hearsay"], "supersampled");
+    reference(&["--samples", "4"], "--truth");
+    reference(&["--samples", "3", "--truth", "supersampled"], "16 or 32");
+    reference(&["--samples", "0", "--truth", "mesh"], "samples");
+    reference(&["--eye", "1,2,3"], "--target");
+    reference(&["--radius", "px:2", "--blend", "two-pass"], "opaque");
+    assert!(!PathBuf::from("x.png").exists());
+}
+
+/// A square of two faces in the plane z = 0, the corners (±1, ±1), white.
+const SQUARE: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 2\n\
+    property list uchar int vertex_indices\nend_header\n-1 -1 0 255 255 255\n1 -1 0 255 255 255\n1 1 0 255 255 255\n\
+    -1 1 0 255 255 255\n3 0 1 2\n3 0 2 3\n";
+
+/// Every truth of one square, as PNG and as EXR, where there is no Vulkan driver at all.
+#[test]
+fn the_reference_needs_no_device() {
+    let here = folder("reference");
+    let path = |name: &str| here.join(name).to_string_lossy().into_owned();
+    let square = path("square.ply");
+    fs::write(&square, SQUARE).unwrap();
+    let draw = |out: &str, more: &[&str]| {
+        let view = ["--size", "40x40", "--eye", "0,0,4", "--target", "0,0,0", "--fov", "53.13010235415598"];
+        let output = Command::new(env!("CARGO_BIN_EXE_surfel"))
+            .args(["reference", &square, "-o", out, "--shade", "none"])
+            .args(view)
+            .args(more)
+            .env("VK_DRIVER_FILES", "/nonexistent")
+            .env("VK_ICD_FILENAMES", "/nonexistent")
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{more:?}: {}", stderr(&output));
+        stdout(&output)
+    };
+    // tan(fov / 2) = 1/2: 40 px are 4 units across, so the square is pixels 10 to 29.
+    let (png, exr) = (path("mesh.png"), path("mesh.exr"));
+    let said = draw(&png, &["--truth", "mesh", "--background", "000000", "--samples", "3"]);
+    assert!(said.contains("3 x 3 a pixel") && said.contains("triangles          2"), "{said}");
+    let bytes = image::open(&png).unwrap().into_rgb8();
+    assert_eq!(draw(&exr, &["--truth", "mesh", "-q"]), format!("{exr}\n"));
+    let floats = surfel::exr::FloatPicture::read(&exr).unwrap();
+    let depth = floats.depth.as_ref().unwrap();
+    for (i, (x, y)) in (0..40).flat_map(|y| (0..40).map(move |x| (x, y))).enumerate() {
+        let inside = (10..30).contains(&x) && (10..30).contains(&y);
+        assert_eq!(bytes.get_pixel(x, y).0, if inside { [255; 3] } else { [0; 3] }, "{x}, {y}");
+        assert_eq!(floats.rgba[i], if inside { [1.0; 4] } else { [0.0; 4] }, "{x}, {y}");
+        assert_eq!(depth[i], if inside { 4.0 } else { f32::INFINITY }, "{x}, {y}");
+    }
+    // Four splats at the square's corners, of 5 px and as discs of 5 / √2 px.
+    for more in [&["--truth", "supersampled"][..], &["--truth", "none"], &["--truth", "none", "--blend", "opaque"]] {
+        let out = path("splats.exr");
+        let said = draw(&out, &[more, &["--radius", "0.5"]].concat());
+        assert!(said.contains("4 in the input, 4 drawn"), "{said}");
+        let splats = surfel::exr::FloatPicture::read(&out).unwrap();
+        let at = |x: usize, y: usize| splats.rgba[40 * y + x];
+        assert_eq!([at(10, 10), at(20, 20), at(2, 10)], [[1.0; 4], [0.0; 4], [0.0; 4]], "{more:?}");
+        assert!(at(8, 10)[3] > 0.0, "{more:?}");
+    }
+    let points = path("points.ply");
+    fs::write(&points, SQUARE.replace("element face 2", "element face 0").split("3 0 1 2").next().unwrap()).unwrap();
+    let refusal = refused(&["reference", &square, &points, "-o", &png, "--truth", "mesh", "-q"], "points.ply");
+    assert!(refusal.contains("needs faces"), "{refusal}");
+    refused(&["reference", "scene:torus:99", "-o", &png, "--truth", "mesh", "-q"], "scene:torus");
+    refused(&["reference", &png, "-o", &png], "overwritten");
+    fs::remove_dir_all(here).unwrap();
+}
+
+#[test]
 fn help_names_every_option() {
     let help = stdout(&surfel(&["render", "--help"]));
     let options = "size structure blend threshold orbit eye target up fov background shade color radius primitive ellipse \

@@ -1,0 +1,148 @@
+//! `surfel reference`: the picture that is right, in f64 on the processor. It needs no Vulkan.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use glam::DMat4;
+
+use surfel::exr::FloatPicture;
+use surfel::load::PointCloud;
+use surfel::readback;
+use surfel::reference::{
+    Instance, MARGIN_F32, MeshInstance, MeshScene, Picture, SAMPLES, Scene as Splats, Surface, ray_cast, render,
+    supersampled,
+};
+use surfel::select::{DrawList, View};
+use surfel::style::Style;
+
+use super::args::{ReferenceArgs, TruthKind};
+use super::parse::Input;
+use super::progress::Progress;
+use super::report::grouped;
+use super::scene::{self, Scene};
+use super::{Outcome, Usage, input, look, memory, output};
+
+/// Samples along a pixel's side where no surface is known.
+const SUPERSAMPLES: u32 = 8;
+
+/// Bytes a pixel: the finished tiles and the picture in f64, and as it is written.
+const A_PIXEL: u64 = 48 + 41 + 20 + 20;
+
+/// Draws. What can be refused is refused before anything long begins.
+pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
+    let float = output::check_float_name(&args.output)?;
+    let pose = scene::pose(&args.view)?;
+    let technique = look::technique(&args.technique, &args.look)?;
+    let samples = samples(args.truth, args.samples)?;
+    output::check(&args.output)?;
+    scene::readable(&args.inputs, &[&args.output])?;
+    let [width, height] = args.view.size;
+    let pixels = width as u64 * height as u64;
+    memory::ensure(&format!("a picture of {width}x{height}"), pixels.saturating_mul(A_PIXEL))?;
+
+    let progress = Progress::new(args.quiet);
+    let read: Vec<PointCloud> = args.inputs.iter().map(|i| input::read(i, &progress)).collect::<Result<_>>()?;
+    if args.truth == TruthKind::Mesh {
+        faces(&args.inputs, &read)?;
+    }
+    let mut scene = Scene::complete(read, &args.view.lens, &args.look, &progress)?;
+    let view = scene.view(pose, args.view.lens.fov, args.view.size);
+    let style = Style { ellipse: args.technique.ellipse.into(), ..look::style(&args.look, scene.shade) };
+    let (points_input, assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
+
+    let mut rows = vec![("picture", format!("{width} x {height}, f64, {}", said(args.truth, samples)))];
+    let step = progress.step("draw", 1);
+    let picture = if args.truth == TruthKind::Mesh {
+        let surfaces: Vec<Surface> = scene.clouds.iter().filter_map(Surface::new).collect();
+        let triangles: usize = surfaces.iter().map(Surface::triangles).sum();
+        rows.push(("triangles", grouped(triangles as u64)));
+        mesh(&surfaces, &view, args.view.size, &style, samples)
+    } else {
+        let flats = scene.pack();
+        let instances: Vec<_> = flats.iter().map(|flat| Instance { flat, transform: DMat4::IDENTITY }).collect();
+        let list = DrawList::all(flats.iter().map(|f| f.len() as u32));
+        let instances = &instances;
+        let splats =
+            Splats { instances, list: &list, view: &view, width, height, technique, style: &style, host_depth: None };
+        let picture = match args.truth {
+            TruthKind::Supersampled => supersampled(&splats, samples),
+            _ => render(&splats, MARGIN_F32),
+        };
+        let counts = picture.counts;
+        rows.push(("points", format!("{} in the input, {} drawn", grouped(points_input), grouped(counts.drawn))));
+        let culled =
+            [("frustum", counts.culled_frustum), ("cone", counts.culled_cone), ("invalid", counts.culled_invalid)];
+        rows.extend(culled.into_iter().filter(|(_, n)| *n > 0).map(|(why, n)| (why, format!("{} culled", grouped(n)))));
+        picture
+    };
+    drop(step);
+    if args.truth == TruthKind::None {
+        let ties = picture.ties.iter().filter(|t| **t).count();
+        rows.push(("ties", format!("{} pixels that f32 may decide otherwise", grouped(ties as u64))));
+    }
+    write(&args.output, float, &picture, args.background)?;
+    rows.extend(assumed.into_iter().enumerate().map(|(i, line)| (if i == 0 { "assumed" } else { "" }, line)));
+    rows.extend(memory::peak_rss().map(|bytes| ("peak memory", memory::human(bytes))));
+    let mut text = format!("{}\n", args.output.display());
+    for (name, value) in rows.iter().filter(|_| !args.quiet) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "  {name:<18} {value}");
+    }
+    super::print(&text)?;
+    Ok(Outcome::Done)
+}
+
+/// Samples along a pixel's side.
+fn samples(truth: TruthKind, asked: Option<u32>) -> Result<u32, Usage> {
+    match (truth, asked) {
+        (TruthKind::None, Some(_)) => Err(Usage("--samples is for --truth mesh and --truth supersampled".into())),
+        (TruthKind::None, None) => Ok(1),
+        (TruthKind::Mesh, asked) => Ok(asked.unwrap_or(SAMPLES)),
+        (TruthKind::Supersampled, Some(n)) if !32u32.is_multiple_of(n) => {
+            Err(Usage("--samples: 1, 2, 4, 8, 16 or 32 with --truth supersampled".into()))
+        }
+        (TruthKind::Supersampled, asked) => Ok(asked.unwrap_or(SUPERSAMPLES)),
+    }
+}
+
+fn said(truth: TruthKind, samples: u32) -> String {
+    match truth {
+        TruthKind::None => "splats".into(),
+        TruthKind::Mesh => format!("rays, {samples} x {samples} a pixel"),
+        TruthKind::Supersampled => format!("splats, {samples} x {samples} samples a pixel"),
+    }
+}
+
+/// Every input must have faces: what has none would be missing from the picture.
+fn faces(inputs: &[Input], clouds: &[PointCloud]) -> Result<()> {
+    for (input, cloud) in inputs.iter().zip(clouds) {
+        if cloud.mesh.as_ref().is_none_or(|mesh| mesh.triangles.is_empty()) {
+            let name = match input {
+                Input::File(path) => path.display().to_string(),
+                Input::Scene { name, .. } => format!("scene:{name}"),
+            };
+            bail!("{name}: --truth mesh needs faces, and it has none (--truth supersampled does not)");
+        }
+    }
+    Ok(())
+}
+
+fn mesh(surfaces: &[Surface], view: &View, [width, height]: [u32; 2], style: &Style, samples: u32) -> Picture {
+    let instances: Vec<_> =
+        surfaces.iter().map(|surface| MeshInstance { surface, transform: DMat4::IDENTITY }).collect();
+    ray_cast(&MeshScene { instances: &instances, view, width, height, style }, samples)
+}
+
+/// As a PNG over the background, or as floats with coverage and depth.
+fn write(path: &Path, float: bool, picture: &Picture, background: [u8; 4]) -> Result<()> {
+    let (width, height) = (picture.width, picture.height);
+    let rgba: Vec<[f32; 4]> = picture.rgba.iter().map(|p| p.map(|v| v as f32)).collect();
+    if !float {
+        let picture = readback::Picture { width, height, rgba, depth: None };
+        return output::png(path, width, height, &picture.encode(background));
+    }
+    let depth = Some(picture.depth.iter().map(|&z| z as f32).collect());
+    let bytes = FloatPicture { width, height, rgba, coverage: true, depth }.to_bytes(path)?;
+    output::write(path, |out| Ok(out.write_all(&bytes)?))
+}
