@@ -3,7 +3,9 @@
 // the picture's middle: floats are twice as fine there as from a corner, and the middle's rays need no correction.
 layout(set = 0, binding = 0, std140) uniform DrawParams {
     mat3x4 eye_from_cloud;  // rows, to multiply (position − about, 1) from the right: rotation, uniform scale, translation
-    vec4 about;             // the point that positions are taken from before they are turned
+    vec4 about;             // the point that positions are taken from before they are turned; w: see pixel.glsl
+    mat3x4 pixel_hi;        // rows of pixel x, y and w of (position − about, 1), split in two: see pixel.glsl
+    mat3x4 pixel_lo;
     vec4 pixel_x;           // (pixel_x · P) / (pixel_w · P) is the pixel's x of the eye-space point P = (p, 1)
     vec4 pixel_y;
     vec4 pixel_w;           // equals the linear depth (perspective) or 1 (orthographic)

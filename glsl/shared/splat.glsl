@@ -10,6 +10,7 @@
 // No determinant of a conic is ever formed or divided by.
 #include "params.glsl"
 #include "octahedral.glsl"
+#include "pixel.glsl"
 
 const uint DRAWN = 0u;      // a sprite holds it
 const uint TOO_LARGE = 1u;  // drawn as a quad whose fragments cast their ray in eye space
@@ -25,6 +26,8 @@ struct Splat {
     float epsilon;  // depth tolerance [world units]
     float depth;    // linear
     vec2 pixel;     // of the centre, from the picture's middle; far outside where that is before the near plane
+    vec2 whole;     // the same in whole pixels, and the rest
+    vec2 rest;
     vec4 inverse;   // rows of the matrix that takes d to (a0, b0)
     vec2 slope;     // depth along r t1 and r t2
     float perspective;  // 1/w for perspective, else 0: h = slope · perspective
@@ -91,6 +94,8 @@ Splat project(vec4 geometry, uint normal_code) {
     s.depth = -s.centre.z;
     s.normal = vec3(0.0, 0.0, 1.0);
     s.pixel = vec2(-1e15);
+    s.whole = s.pixel;
+    s.rest = vec2(0.0);
     s.inverse = vec4(0.0);
     s.slope = vec2(0.0);
     s.epsilon = 0.0;
@@ -117,11 +122,11 @@ Splat project(vec4 geometry, uint normal_code) {
     }
 
     s.status = OUTSIDE;
-    vec4 c = vec4(s.centre, 1.0);
-    float w = dot(params.pixel_w, c);
+    float w = 1.0;
     bool centre_visible = s.depth >= params.near;
     if (centre_visible) {
-        s.pixel = vec2(dot(params.pixel_x, c), dot(params.pixel_y, c)) / w;
+        pixel_of(geometry.xyz, s.whole, s.rest, w);
+        s.pixel = s.whole + s.rest;
     }
     if (FOOTPRINT == FOOTPRINT_PIXELS) {
         if (!centre_visible) {

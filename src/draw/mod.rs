@@ -8,6 +8,7 @@ pub mod params;
 pub mod plan;
 pub mod slot;
 pub mod splats;
+pub mod split;
 pub mod targets;
 pub mod two_pass;
 pub mod variant;

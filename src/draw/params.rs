@@ -1,8 +1,9 @@
 //! A view and an instance as the shaders take them. All differences of large numbers are taken here, in f64.
 
 use ash::vk;
-use glam::{DMat4, DVec3, DVec4, Vec3, dvec2, dvec3, dvec4};
+use glam::{DMat4, DVec3, DVec4, dvec2, dvec3, dvec4};
 
+use super::split::split;
 use crate::gpu::layout::{DrawParams, FrameParams, MAX_VIEWS, ViewParams};
 use crate::select::View;
 use crate::style::{EyeDome, Footprint, Shading, Style};
@@ -83,27 +84,25 @@ impl Camera {
         (m, scale(transform))
     }
 
-    /// The point of cloud coordinates that the shaders take positions from, rounded to f32, and its eye-space position.
+    /// The point of cloud coordinates that the shaders take positions from.
     ///
     /// It lies on the ray through the picture's middle, as far away as the nearest corner of `bounds` (centres, cloud
     /// coordinates), so within clouds at the eye. Differences from it are rounded by a share of themselves: what is near the
     /// eye or the middle is placed well however far the cloud's own origin is, and under a long lens what is far away
     /// moves along its ray, not across it.
-    fn about(&self, extent: vk::Extent2D, eye_from_cloud: &DMat4, bounds: [DVec3; 2]) -> (Vec3, DVec3) {
+    fn about(&self, middle: DVec3, eye_from_cloud: &DMat4, bounds: [DVec3; 2]) -> DVec3 {
         let corners = (0..8).map(|i| {
             let pick = |axis: usize| bounds[i >> axis & 1][axis];
             -eye_from_cloud.transform_point3(dvec3(pick(0), pick(1), pick(2))).z
         });
         let nearest = corners.fold(f64::INFINITY, f64::min).max(0.0);
-        let middle = self.ray[0] + 0.5 * (extent.width as f64 * self.ray[1] + extent.height as f64 * self.ray[2]);
         let at = match self.eye.w != 0.0 {
             true => self.eye.truncate() + nearest * middle,
             false => middle - nearest / self.eye.z * self.eye.truncate(),
         };
-        let about = eye_from_cloud.inverse().transform_point3(at).as_vec3();
-        // No cloud, or one that a transform flattens.
-        let about = if about.is_finite() { about } else { Vec3::ZERO };
-        (about, eye_from_cloud.transform_point3(about.as_dvec3()))
+        let about = eye_from_cloud.inverse().transform_point3(at);
+        // A transform may flatten a cloud.
+        if about.is_finite() { about } else { DVec3::ZERO }
     }
 
     /// The shaders' block of one cloud. `bounds`: two opposite corners of its centres' box, relative to `origin`.
@@ -119,18 +118,23 @@ impl Camera {
         sprite_limit: f32,
     ) -> DrawParams {
         let (mut eye_from_cloud, scale) = self.eye_from_cloud(transform, origin);
-        let (about, at) = self.about(extent, &eye_from_cloud, bounds);
-        eye_from_cloud.w_axis = at.extend(1.0);
         // Pixels count from the middle.
         let middle = 0.5 * dvec2(extent.width as f64, extent.height as f64);
         let ray_middle = self.ray[0] + middle.x * self.ray[1] + middle.y * self.ray[2];
+        let pixel = [self.pixel_x - middle.x * self.pixel_w, self.pixel_y - middle.y * self.pixel_w, self.pixel_w];
+        let about = self.about(ray_middle, &eye_from_cloud, bounds);
+        let from_cloud = eye_from_cloud.transpose();
+        let split = split(pixel.map(|row| from_cloud * row), about, bounds);
+        eye_from_cloud.w_axis = eye_from_cloud.transform_point3(split.about.as_dvec3()).extend(1.0);
         let row = |v: DVec4| v.as_vec4().to_array();
         let base = style.base_color.map(|c| crate::color::srgb_to_linear(c as f64 / 255.0) as f32);
         DrawParams {
             eye_from_cloud: [0, 1, 2].map(|i| row(eye_from_cloud.row(i))),
-            about: about.extend(0.0).to_array(),
-            pixel_x: row(self.pixel_x - middle.x * self.pixel_w),
-            pixel_y: row(self.pixel_y - middle.y * self.pixel_w),
+            about: split.about.extend(split.rounder).to_array(),
+            pixel_hi: split.hi,
+            pixel_lo: split.lo,
+            pixel_x: row(pixel[0]),
+            pixel_y: row(pixel[1]),
             pixel_w: row(self.pixel_w),
             eye: row(self.eye),
             ray_0: row(ray_middle.extend(0.0)),
@@ -149,7 +153,7 @@ impl Camera {
                 Footprint::Pixels(size) => size,
                 Footprint::Splat => 0.0,
             },
-            padding: [0; 3],
+            padding: [0; 43],
         }
     }
 

@@ -38,7 +38,7 @@ pub struct Slot {
     pool: vk::DescriptorPool,
 }
 
-/// Bytes from one cloud's parameters to the next; the size of the block is 256, which every device's alignment divides.
+/// Bytes from one cloud's parameters to the next; the size of the block is 512, which every device's alignment divides.
 pub const PARAMS_STRIDE: u64 = size_of::<DrawParams>() as u64;
 
 impl Slot {

@@ -32,6 +32,10 @@ block! {
         eye_from_cloud: [[f32; 4]; 3] = EYE_FROM_CLOUD,
         /// In the cloud's coordinates.
         about: [f32; 4] = ABOUT,
+        /// Row by row.
+        pixel_hi: [[f32; 4]; 3] = PIXEL_HI,
+        /// Row by row.
+        pixel_lo: [[f32; 4]; 3] = PIXEL_LO,
         /// Row of pixel x.
         pixel_x: [f32; 4] = PIXEL_X,
         /// Row of pixel y.
@@ -66,7 +70,7 @@ block! {
         sprite_limit: f32 = SPRITE_LIMIT,
         /// \[px\]
         pixel_size: f32 = PIXEL_SIZE,
-    } pad 3
+    } pad 43
 }
 
 block! {
@@ -142,5 +146,5 @@ block! {
 }
 
 // std140 rounds a uniform block up to 16 bytes; the array stride of views is that of the struct.
-const _: () = assert!(size_of::<DrawParams>() == 256 && size_of::<FrameParams>().is_multiple_of(16));
+const _: () = assert!(size_of::<DrawParams>() == 512 && size_of::<FrameParams>().is_multiple_of(16));
 const _: () = assert!(size_of::<ViewParams>() * MAX_VIEWS == spirv::frame_params::LIGHT);

@@ -8,6 +8,9 @@ use crate::load::PointCloud;
 /// Points a block. Blocks only bound what a frame may need (footprints beyond a sprite's limit), so a rough size does.
 pub const BLOCK: usize = 1 << 14;
 
+/// Coordinates beyond this are drawn nowhere: their squares would leave the range of floats.
+const FARTHEST: f32 = 1e30;
+
 /// A cloud as the device keeps it: 16 B of geometry a point, 4 B more for each of normal and colour.
 #[derive(Debug, Clone, Default)]
 pub struct Flat {
@@ -32,7 +35,7 @@ pub struct Block {
     pub first: u32,
     /// Number of points, at least 1.
     pub count: u32,
-    /// Corner of the centres' box, relative to the origin.
+    /// Corner of the box of the centres that can be drawn, relative to the origin; both corners 0 where none can.
     pub min: Vec3,
     /// Opposite corner.
     pub max: Vec3,
@@ -61,11 +64,18 @@ impl Flat {
                     max: Vec3::NEG_INFINITY,
                     radius: 0.0,
                 };
-                for &[x, y, z, r] in run {
+                // What is drawn nowhere must not make the bounds useless.
+                let drawn = |[x, y, z, r]: &&[f32; 4]| {
+                    Vec3::new(*x, *y, *z).abs().max_element() < FARTHEST && *r > 0.0 && r.is_finite()
+                };
+                for &[x, y, z, r] in run.iter().filter(drawn) {
                     let p = Vec3::new(x, y, z);
                     block.min = block.min.min(p);
                     block.max = block.max.max(p);
                     block.radius = block.radius.max(r);
+                }
+                if block.min.x > block.max.x {
+                    (block.min, block.max) = (Vec3::ZERO, Vec3::ZERO);
                 }
                 block
             })
@@ -83,8 +93,11 @@ impl Flat {
         }
     }
 
-    /// Two opposite corners of the centres' box, relative to the origin; not finite without points.
+    /// Two opposite corners of the centres' box, relative to the origin; both 0 without points.
     pub fn bounds(&self) -> [DVec3; 2] {
+        if self.is_empty() {
+            return [DVec3::ZERO; 2];
+        }
         let (min, max) = self
             .blocks
             .iter()
