@@ -1,6 +1,7 @@
 //! `surfel bench`: run time, always against error, and what the device could do at best.
 
 pub mod args;
+mod baseline;
 mod ceiling;
 mod journal;
 mod plan;
@@ -32,13 +33,24 @@ fn sweep(args: &SweepArgs) -> Result<Outcome> {
     let out = args.out.as_deref().context("clap asks for --out")?;
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     let progress = Progress::new(args.quiet);
+    let before = args.baseline.as_deref().map(|path| baseline::read(path, record::parse)).transpose()?;
     let sweep = sweep::run(args, out, &progress)?;
+    let compared = match (before, &args.baseline) {
+        (Some(before), Some(path)) => baseline::compared(path, &before, &record::run(&sweep.common, &sweep.records)?),
+        _ => String::new(),
+    };
     let Sweep { records, ceilings, common, .. } = &sweep;
     let text = |path: &str, text: String| output::write(&out.join(path), |out| Ok(out.write_all(text.as_bytes())?));
-    text("results.json", format!("{:#}\n", json!({"common": common, "ceilings": ceilings, "records": records})))?;
+    text(
+        "results.json",
+        format!(
+            "{:#}\n",
+            json!({"schema": record::SCHEMA, "common": common, "ceilings": ceilings, "records": records})
+        ),
+    )?;
     text("results.csv", record::csv(records))?;
-    text("report.html", report::html(&sweep, args, out)?)?;
-    let table = if args.quiet { String::new() } else { summary::table(records, ceilings) };
+    text("report.html", report::html(&sweep, args, out, &compared)?)?;
+    let table = if args.quiet { String::new() } else { summary::table(records, ceilings) + &compared };
     super::print(&format!("{}\n{table}", out.join("report.html").display()))?;
     Ok(Outcome::Done)
 }

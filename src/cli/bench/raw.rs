@@ -1,18 +1,18 @@
 //! `surfel bench raw`: what the device could do at best.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 
 use surfel::measure::Summary;
-use surfel::measure::baseline::{Change, Samples, Verdict, changes};
+use surfel::measure::baseline::Samples;
 use surfel::standalone::raw::{LARGEST, Measured, Setup, Untimed, cases, measure};
 use surfel::standalone::{DeviceInfo, Options, Standalone};
 use surfel::technique::Primitive;
 
 use super::args::RawArgs;
+use super::baseline::{self, Run};
 use crate::cli::progress::Progress;
 use crate::cli::{Outcome, Usage, memory, output, print};
 
@@ -28,7 +28,7 @@ pub fn run(args: &RawArgs) -> Result<Outcome> {
     if setup.extent.iter().any(|side| !(LARGEST..=65_535).contains(side)) {
         return Err(Usage(format!("--size: each side from {LARGEST}, the largest square, to 65535 pixels")).into());
     }
-    let before = args.baseline.as_deref().map(Run::read).transpose()?;
+    let before = args.baseline.as_deref().map(|path| baseline::read(path, parse)).transpose()?;
     if let Some(out) = &args.out {
         if let Some(old) = args.baseline.as_ref().filter(|old| output::same(old, out)) {
             bail!("{}: is the baseline, and would be overwritten", old.display());
@@ -49,8 +49,8 @@ pub fn run(args: &RawArgs) -> Result<Outcome> {
         text += &table(&standalone.info, &setup, &results);
     }
     if let (Some(before), Some(path)) = (before, &args.baseline) {
-        let now = Run::parse(&value).ok_or_else(|| anyhow!("the report cannot be read back"))?;
-        text += &compared(path, &before, &now);
+        let now = parse(&value).context("the report cannot be read back")?;
+        text += &baseline::compared(path, &before, &now);
     }
     print(&text)?;
     let wrong: Vec<_> = results
@@ -143,72 +143,22 @@ fn table(device: &DeviceInfo, setup: &Setup, results: &[Measured]) -> String {
     text
 }
 
-/// What of a file matters for a comparison.
-#[derive(Debug, PartialEq)]
-struct Run {
-    /// Device, driver, size and points: what must be equal for times to be comparable.
-    setting: Vec<(&'static str, String)>,
-    cases: Vec<Samples>,
-}
-
-impl Run {
-    fn read(path: &Path) -> Result<Run> {
-        let name = || path.display().to_string();
-        let text = std::fs::read_to_string(path).with_context(name)?;
-        let value = serde_json::from_str(&text).with_context(name)?;
-        Run::parse(&value).ok_or_else(|| anyhow!("{}: not a file that `surfel bench raw --out` wrote", path.display()))
+/// What of a report matters for a comparison.
+fn parse(value: &Value) -> Option<Run> {
+    if value["schema"] != SCHEMA {
+        return None;
     }
-
-    fn parse(value: &Value) -> Option<Run> {
-        if value["schema"] != SCHEMA {
-            return None;
-        }
-        let text = |key: &'static str| match &value[key] {
-            Value::String(text) => Some((key, text.clone())),
-            Value::Number(number) => Some((key, number.to_string())),
-            _ => None,
+    let case = |value: &Value| {
+        let values = match &value["gpu_ms"] {
+            Value::Null => Vec::new(),
+            list => list.as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?,
         };
-        let case = |value: &Value| {
-            let values = match &value["gpu_ms"] {
-                Value::Null => Vec::new(),
-                list => list.as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?,
-            };
-            Some(Samples { name: value["name"].as_str()?.to_owned(), values })
-        };
-        Some(Run {
-            setting: ["device", "driver", "width", "height", "points"].into_iter().map(text).collect::<Option<_>>()?,
-            cases: value["cases"].as_array()?.iter().map(case).collect::<Option<_>>()?,
-        })
-    }
-}
-
-fn compared(path: &Path, before: &Run, now: &Run) -> String {
-    let mut text = format!("\nagainst {}: time now / before, with its 95 % confidence interval\n", path.display());
-    for ((key, old), (_, new)) in before.setting.iter().zip(&now.setting).filter(|(old, new)| old != new) {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "WARNING: another {key}: {old} before, {new} now. These times cannot be compared.");
-    }
-    let all = changes(&before.cases, &now.cases);
-    for (name, change) in &all {
-        let _ = match change {
-            Change::New => writeln!(text, "{name:<42} new"),
-            Change::Missing => writeln!(text, "{name:<42} MISSING: timed before, and not now"),
-            Change::Both(None) => writeln!(text, "{name:<42} too few samples"),
-            Change::Both(Some(r)) => {
-                let verdict = match r.verdict() {
-                    Verdict::Faster => "faster",
-                    Verdict::Slower => "SLOWER",
-                    Verdict::NoDifference => "no difference",
-                };
-                writeln!(text, "{name:<42} {:.3} ({:.3} to {:.3}) {verdict}", r.ratio, r.low, r.high)
-            }
-        };
-    }
-    let both = all.iter().filter(|(_, change)| matches!(change, Change::Both(Some(_)))).count();
-    text +=
-        &format!("{both} cases compared; of those that did not change, one in twenty is called different by chance,\n");
-    text += "and more where the machine itself was slower or faster on the whole: that is in no interval\n";
-    text
+        Some(Samples { name: value["name"].as_str()?.to_owned(), values })
+    };
+    Some(Run {
+        setting: baseline::setting(value, &["device", "driver", "width", "height", "points"])?,
+        cases: value["cases"].as_array()?.iter().map(case).collect::<Option<_>>()?,
+    })
 }
 
 #[cfg(test)]
@@ -228,21 +178,21 @@ mod tests {
         let old = file("one", json!([times("a", 2.0), times("b", 1.0), times("gone", 1.0), times("same", 1.0)]));
         let none = json!({"name": "lacking", "gpu_ms": null});
         let new = file("two", json!([times("a", 1.0), times("b", 2.0), times("new", 1.0), times("same", 1.0), none]));
-        let (old, new) = (Run::parse(&old).unwrap(), Run::parse(&new).unwrap());
-        let text = compared(Path::new("old.json"), &old, &new);
+        let (old, new) = (parse(&old).unwrap(), parse(&new).unwrap());
+        let text = baseline::compared(Path::new("old.json"), &old, &new);
         let row = |name: &str| text.lines().find(|l| l.starts_with(&format!("{name} "))).unwrap_or("");
         assert!(row("a").ends_with("0.500 (0.500 to 0.500) faster"), "{text}");
         assert!(row("b").ends_with("SLOWER") && row("same").ends_with("no difference"), "{text}");
         assert!(row("gone").contains("MISSING") && row("new").ends_with("new") && row("lacking").is_empty(), "{text}");
         assert!(text.contains("WARNING: another device: one before, two now"), "{text}");
-        assert!(!compared(Path::new("old.json"), &new, &new).contains("WARNING"));
+        assert!(!baseline::compared(Path::new("old.json"), &new, &new).contains("WARNING"));
     }
 
     #[test]
     fn other_files_are_no_runs() {
-        assert_eq!(Run::parse(&json!({"cases": []})), None);
-        assert_eq!(Run::parse(&file("one", json!([{"name": "a", "gpu_ms": ["x"]}]))), None);
-        assert_eq!(Run::parse(&file("one", json!([{"gpu_ms": [1.0]}]))), None);
-        assert_eq!(Run::parse(&file("one", json!([]))).unwrap().cases, []);
+        assert_eq!(parse(&json!({"cases": []})), None);
+        assert_eq!(parse(&file("one", json!([{"name": "a", "gpu_ms": ["x"]}]))), None);
+        assert_eq!(parse(&file("one", json!([{"gpu_ms": [1.0]}]))), None);
+        assert_eq!(parse(&file("one", json!([]))).unwrap().cases, []);
     }
 }

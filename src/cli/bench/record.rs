@@ -2,10 +2,14 @@
 
 use std::fmt::Write as _;
 
+use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use surfel::measure::Summary;
+use surfel::measure::baseline::Samples;
+
+use super::baseline::{self, Run};
 
 /// Everything that distinguishes one measurement from another of the same sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -100,6 +104,28 @@ impl Record {
     pub fn error(&self, key: &str) -> Option<f64> {
         self.errors.pointer(&format!("/{key}"))?.as_f64()
     }
+}
+
+/// Of the file that is written and that `--baseline` reads.
+pub const SCHEMA: &str = "surfel.bench/1";
+
+/// What of a report matters for a comparison; `None` if it is none.
+pub fn parse(report: &Value) -> Option<Run> {
+    let records = Vec::<Record>::deserialize(&report["records"]).ok().filter(|_| report["schema"] == SCHEMA)?;
+    run(&report["common"], &records).ok()
+}
+
+/// The same of records in memory. A case is named without what tells one input's state from another's: to compare with
+/// what was there before is the point.
+pub fn run(common: &Value, records: &[Record]) -> Result<Run> {
+    let setting =
+        baseline::setting(common, &["device", "driver", "look", "lens"]).context("device, driver, look, lens")?;
+    let case = |r: &Record| {
+        let Combination { input, view: [view, views], size: [width, height], .. } = &r.combination;
+        let name = format!("{input} {} view {}/{views} {width}x{height}", r.combination.way(), view + 1);
+        Samples { name, values: r.times().to_vec() }
+    };
+    Ok(Run { setting, cases: records.iter().map(case).collect() })
 }
 
 /// A column of the table, and how to get it.

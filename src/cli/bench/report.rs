@@ -23,8 +23,8 @@ td,th{padding:.25em .6em;text-align:right;border-bottom:1px solid #eee;white-spa
 tr.front td{background:#eef6ee}figure{display:inline-block;margin:.4em;vertical-align:top}figcaption{font-size:12px;max-width:300px}\
 img{display:block;image-rendering:auto}.plots svg{max-width:100%;height:auto}.note{color:#555;max-width:80ch}";
 
-/// The whole page.
-pub fn html(sweep: &Sweep, args: &SweepArgs, out: &Path) -> Result<String> {
+/// The whole page. `compared`: what became of an earlier run's times, as text.
+pub fn html(sweep: &Sweep, args: &SweepArgs, out: &Path, compared: &str) -> Result<String> {
     let mut page = String::new();
     let device = &sweep.device;
     let all = points(&sweep.records, &sweep.ceilings);
@@ -46,6 +46,9 @@ pub fn html(sweep: &Sweep, args: &SweepArgs, out: &Path) -> Result<String> {
         page += "</div>\n";
         page += &table(&of);
         page += &pictures(&of, args, out)?;
+    }
+    if !compared.is_empty() {
+        let _ = write!(page, "<h2>Against before</h2>\n<pre>{}</pre>\n", escape(compared.trim()));
     }
     if let Some(stress) = &sweep.stress {
         page += &stressed(stress);
