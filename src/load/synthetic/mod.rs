@@ -2,7 +2,7 @@
 
 mod demo;
 mod mesh;
-mod rng;
+pub(super) mod rng;
 mod room;
 mod shapes;
 mod terrain;

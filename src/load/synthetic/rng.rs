@@ -4,20 +4,20 @@
 //! and √, which IEEE 754 fixes exactly.
 
 /// SplitMix64 (Steele, Lea, Flood: "Fast splittable pseudorandom number generators", 2014).
-pub(super) struct Rng(u64);
+pub(in crate::load) struct Rng(u64);
 
 impl Rng {
-    pub(super) fn new(seed: u64) -> Rng {
+    pub(in crate::load) fn new(seed: u64) -> Rng {
         Rng(seed)
     }
 
-    pub(super) fn bits(&mut self) -> u64 {
+    pub(in crate::load) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         mix(self.0)
     }
 
     /// Uniform in 0..1, never 1.
-    pub(super) fn unit(&mut self) -> f64 {
+    pub(in crate::load) fn unit(&mut self) -> f64 {
         to_unit(self.bits())
     }
 }
