@@ -1,14 +1,15 @@
 //! Throughput of the f64 renderers on all of rayon's threads (`RAYON_NUM_THREADS`).
 //!
 //! `splats`: whole pictures of 1 M splats at 640 × 640, none dropped, whose footprints are 4 px across: facing the viewer
-//! (every one a full disk) and lying on a sphere.
+//! (every one a full disk) and lying on a sphere. `rays`: the ray cast of a sphere's mesh of 1 M faces, 16 rays a pixel,
+//! half of which hit; the tree is built before.
 //!
 //! `cargo bench --bench reference --no-default-features --features reference,preprocess`; `-- --test` runs each once, small.
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat4, DVec3, dvec3};
 use surfel::load::synthetic;
-use surfel::reference::{Instance, Picture, Scene, render};
+use surfel::reference::{Instance, MeshInstance, MeshScene, Picture, SAMPLES, Scene, Surface, ray_cast, render};
 use surfel::select::{DepthConvention, DrawList, View};
 use surfel::structure::Flat;
 use surfel::style::{BackFaces, Style};
@@ -75,10 +76,24 @@ fn splats(c: &mut Criterion, points: usize, side: u32) {
     group.finish();
 }
 
+fn rays(c: &mut Criterion, rings: u32, side: u32) {
+    let mut group = c.benchmark_group("rays");
+    let rays = u64::from(side * SAMPLES).pow(2);
+    group.sample_size(10).throughput(Throughput::Elements(rays));
+    let surface = Surface::new(&synthetic::sphere_mesh(rings, 2 * rings)).expect("a mesh has faces");
+    let (view, style) = (view(), Style::default());
+    let instances = [MeshInstance { surface: &surface, transform: DMat4::IDENTITY }];
+    let scene = MeshScene { instances: &instances, view: &view, width: side, height: side, style: &style };
+    check(&ray_cast(&scene, SAMPLES));
+    group.bench_function(BenchmarkId::new("sphere mesh", side), |b| b.iter(|| ray_cast(&scene, SAMPLES)));
+    group.finish();
+}
+
 fn main() {
     let small = std::env::args().any(|a| a == "--test");
     let mut criterion = Criterion::default().configure_from_args();
     let (points, side) = if small { (60_000, 160) } else { (1_000_000, 640) };
     splats(&mut criterion, points, side);
+    rays(&mut criterion, if small { 20 } else { 500 }, side);
     criterion.final_summary();
 }

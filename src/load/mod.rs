@@ -17,6 +17,7 @@ mod merge;
 mod par;
 #[cfg(feature = "ply")]
 mod ply;
+mod sample;
 pub mod synthetic;
 
 use std::fmt;
@@ -28,6 +29,7 @@ pub use bounds::Bounds;
 pub use cloud::{Mesh, PointCloud, Report};
 pub use copies::{COPIES, thin_copies};
 pub use merge::merge;
+pub use sample::sample_mesh;
 
 use crate::error::{Error, Place, Result};
 

@@ -16,6 +16,7 @@ mod load_files;
 mod load_las;
 mod load_merge;
 mod load_ply;
+mod load_sample;
 mod load_synthetic;
 mod reference_common;
 mod reference_fragments;
