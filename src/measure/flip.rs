@@ -98,13 +98,15 @@ mod tests {
 
     #[test]
     fn an_error_reaches_as_far_as_the_filters_at_67_pixels_a_degree() {
-        // The widest filter has radius ⌈3 √(0.04 / 2π²) · 67⌉ = 10: nothing is seen at eleven pixels.
+        // The widest filter, of blue against yellow, has radius ⌈3 √(0.04 / 2π²) · 67⌉ = 10: nothing is seen beyond.
         let flat = image(41, 41, |_, _| 0.5);
-        let dot = image(41, 41, |x, y| if (x, y) == (20, 20) { 1.0 } else { 0.5 });
+        let mut dot = flat.clone();
+        dot.rgb[20 * 41 + 20] = [0.0, 0.0, 1.0];
         let map = error_map(&flat, &dot).unwrap();
         let at = |x: usize, y: usize| map.errors[y * 41 + x];
         assert_eq!([at(31, 20), at(20, 9), at(0, 0)], [0.0; 3]);
-        assert!(at(20, 20) > 0.1 && at(22, 20) > 0.0 && map.mean() > 0.0 && map.mean() < at(20, 20) as f64);
+        assert!(at(30, 20) > 0.0 && at(20, 10) > 0.0, "{} {}", at(30, 20), at(20, 10));
+        assert!(at(20, 20) > 0.1 && map.mean() > 0.0 && map.mean() < at(20, 20) as f64);
         let colors = map.magma();
         assert_eq!(colors[..3], magma_lut().to_vec()[..3]);
         assert_ne!(colors[(20 * 41 + 20) * 3..][..3], colors[..3]);

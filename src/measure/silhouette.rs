@@ -74,7 +74,7 @@ mod tests {
 
     /// A drawing: `#` is covered, `.` is not.
     fn parse(rows: &[&str]) -> (Vec<f64>, [usize; 2]) {
-        let value = |c: char| if c == '#' { COVERED } else { COVERED - 1e-9 };
+        let value = |c: char| if c == '#' { 0.5 } else { 0.5 - 1e-9 };
         (rows.iter().flat_map(|r| r.chars().map(value)).collect(), [rows[0].len(), rows.len()])
     }
 
