@@ -35,6 +35,9 @@ pub struct FloatPicture {
     pub coverage: bool,
     /// Linear view depth \[world\], infinite where there is nothing; rows from the top (channel Z).
     pub depth: Option<Vec<f32>>,
+    /// Width of the window that the whole picture is, at linear depth 1 (EXR's `screenWindowWidth`); `None` for views
+    /// without perspective. A pixel at depth z is `window · z / width` wide.
+    pub window: Option<f32>,
 }
 
 impl FloatPicture {
@@ -65,7 +68,10 @@ impl FloatPicture {
         let encoding =
             Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
         let size = (self.width as usize, self.height as usize);
-        let layer = Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
+        // The format wants a number in any case; no window has the width 0.
+        let attributes =
+            LayerAttributes { screen_window_width: self.window.unwrap_or(0.0), ..LayerAttributes::default() };
+        let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(channels));
         let mut bytes = Cursor::new(Vec::new());
         Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|e| refuse(e.to_string()))?;
         Ok(bytes.into_inner())
@@ -103,7 +109,8 @@ impl FloatPicture {
         }
         let depth = find("Z").map(|z| z.values_as_f32().collect());
         // Sides fit: the file's own are of 31 bits.
-        Ok(FloatPicture { width: width as u32, height: height as u32, rgba, coverage: a.is_some(), depth })
+        let window = Some(image.layer_data.attributes.screen_window_width).filter(|w| w.is_finite() && *w > 0.0);
+        Ok(FloatPicture { width: width as u32, height: height as u32, rgba, coverage: a.is_some(), depth, window })
     }
 
     /// Writes a file, in place of one that is there.

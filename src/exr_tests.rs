@@ -9,7 +9,14 @@ fn picture(width: u32, height: u32, coverage: bool, depth: bool) -> FloatPicture
         [r, g, b, if coverage { (i % 9) as f32 / 8.0 } else { 1.0 }]
     };
     let depths = || (0..pixels).map(|i| if i % 4 == 0 { f32::INFINITY } else { 1.0 + i as f32 / 3.0 }).collect();
-    FloatPicture { width, height, rgba: (0..pixels).map(pixel).collect(), coverage, depth: depth.then(depths) }
+    FloatPicture {
+        width,
+        height,
+        rgba: (0..pixels).map(pixel).collect(),
+        coverage,
+        depth: depth.then(depths),
+        window: depth.then_some(0.75),
+    }
 }
 
 fn bits(p: &FloatPicture) -> Vec<u32> {
@@ -94,7 +101,7 @@ fn files_of_others() {
 
 #[test]
 fn what_cannot_be_written() {
-    let empty = FloatPicture { width: 0, height: 3, rgba: vec![], coverage: true, depth: None };
+    let empty = FloatPicture { width: 0, height: 3, rgba: vec![], coverage: true, depth: None, window: None };
     assert!(matches!(empty.to_bytes(Path::new("a.exr")), Err(Error::Data { .. })));
 }
 

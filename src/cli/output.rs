@@ -10,6 +10,7 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use surfel::exr::FloatPicture;
 use surfel::readback::{Picture, encode};
+use surfel::reference;
 use surfel::select::View;
 
 use super::Usage;
@@ -92,7 +93,25 @@ pub fn float(picture: Picture, view: &View) -> FloatPicture {
     let view = view.right_handed();
     let linear = |z: f32| if z as f64 == view.depth.far() { f32::INFINITY } else { view.linear_depth(z as f64) as f32 };
     let depth = depth.map(|d| d.into_iter().map(linear).collect());
-    FloatPicture { width, height, rgba, coverage: true, depth }
+    FloatPicture { width, height, rgba, coverage: true, depth, window: window(&view, [width, height]) }
+}
+
+/// A picture of the reference.
+pub fn from_reference(picture: &reference::Picture, view: &View) -> FloatPicture {
+    let (width, height) = (picture.width, picture.height);
+    FloatPicture {
+        width,
+        height,
+        rgba: picture.rgba.iter().map(|p| p.map(|v| v as f32)).collect(),
+        coverage: true,
+        depth: Some(picture.depth.iter().map(|&z| z as f32).collect()),
+        window: window(view, [width, height]),
+    }
+}
+
+/// For [`FloatPicture::window`].
+fn window(view: &View, [width, height]: [u32; 2]) -> Option<f32> {
+    view.is_perspective().then(|| (width as f64 / view.focal(height as f64)) as f32)
 }
 
 /// Writes a picture in the format of the name: PNG over the background, EXR as it is.
@@ -103,16 +122,6 @@ pub fn picture(path: &Path, picture: &FloatPicture, background: [u8; 4]) -> Resu
         return write(path, |out| Ok(out.write_all(&bytes)?));
     }
     png(path, *width, *height, &encode(rgba, background))
-}
-
-/// Whether the name is that of a float picture (EXR), and not of a PNG: nothing else is written.
-pub fn check_float_name(path: &Path) -> Result<bool> {
-    let ends = |with: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(with));
-    if !ends("png") && !ends("exr") {
-        let text = format!("{}: the picture's name must end in .png or .exr", path.display());
-        return Err(Usage(text).into());
-    }
-    Ok(ends("exr"))
 }
 
 /// Writes RGBA rows from the top; without alpha where every pixel is opaque, which more programs show as it is.

@@ -1,14 +1,11 @@
 //! `surfel reference`: the picture that is right, in f64 on the processor. It needs no Vulkan.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use anyhow::{Result, bail};
 use glam::DMat4;
 
-use surfel::exr::FloatPicture;
 use surfel::load::PointCloud;
-use surfel::readback;
 use surfel::reference::{
     Instance, MARGIN_F32, MeshInstance, MeshScene, Picture, SAMPLES, Scene as Splats, Surface, ray_cast, render,
     supersampled,
@@ -31,7 +28,7 @@ const A_PIXEL: u64 = 48 + 41 + 20 + 20;
 
 /// Draws. What can be refused is refused before anything long begins.
 pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
-    let float = output::check_float_name(&args.output)?;
+    output::is_float(&args.output)?;
     let pose = scene::pose(&args.view)?;
     let technique = look::technique(&args.technique, &args.look)?;
     let samples = samples(args.truth, args.samples)?;
@@ -81,7 +78,7 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
         let ties = picture.ties.iter().filter(|t| **t).count();
         rows.push(("ties", format!("{} pixels that f32 may decide otherwise", grouped(ties as u64))));
     }
-    write(&args.output, float, &picture, args.background)?;
+    output::picture(&args.output, &output::from_reference(&picture, &view), args.background)?;
     rows.extend(assumed.into_iter().enumerate().map(|(i, line)| (if i == 0 { "assumed" } else { "" }, line)));
     rows.extend(memory::peak_rss().map(|bytes| ("peak memory", memory::human(bytes))));
     let mut text = format!("{}\n", args.output.display());
@@ -132,17 +129,4 @@ fn mesh(surfaces: &[Surface], view: &View, [width, height]: [u32; 2], style: &St
     let instances: Vec<_> =
         surfaces.iter().map(|surface| MeshInstance { surface, transform: DMat4::IDENTITY }).collect();
     ray_cast(&MeshScene { instances: &instances, view, width, height, style }, samples)
-}
-
-/// As a PNG over the background, or as floats with coverage and depth.
-fn write(path: &Path, float: bool, picture: &Picture, background: [u8; 4]) -> Result<()> {
-    let (width, height) = (picture.width, picture.height);
-    let rgba: Vec<[f32; 4]> = picture.rgba.iter().map(|p| p.map(|v| v as f32)).collect();
-    if !float {
-        let picture = readback::Picture { width, height, rgba, depth: None };
-        return output::png(path, width, height, &picture.encode(background));
-    }
-    let depth = Some(picture.depth.iter().map(|&z| z as f32).collect());
-    let bytes = FloatPicture { width, height, rgba, coverage: true, depth }.to_bytes(path)?;
-    output::write(path, |out| Ok(out.write_all(&bytes)?))
 }

@@ -7,12 +7,12 @@ fn scene(width: u32, height: u32) -> Image {
         let (x, y) = ((i % width) as f64, (i / width) as f64);
         [0.5 + 0.4 * (0.9 * x).sin(), 0.5 + 0.4 * (0.7 * y).cos(), 0.25 + 0.2 * (0.5 * (x + y)).sin()]
     };
-    Image { width, height, rgb: (0..width * height).map(pixel).collect(), alpha: None, depth: None }
+    Image { width, height, rgb: (0..width * height).map(pixel).collect(), alpha: None, depth: None, pixel: None }
 }
 
 fn grey(width: u32, height: u32, value: impl Fn(u32, u32) -> f64) -> Image {
     let rgb = (0..width * height).map(|i| [value(i % width, i / width); 3]).collect();
-    Image { width, height, rgb, alpha: None, depth: None }
+    Image { width, height, rgb, alpha: None, depth: None, pixel: None }
 }
 
 #[test]

@@ -22,7 +22,7 @@ mod tests {
 
     #[test]
     fn errors_are_scaled_and_clamped() {
-        let image = |rgb| Image { width: 1, height: 1, rgb: vec![rgb], alpha: None, depth: None };
+        let image = |rgb| Image { width: 1, height: 1, rgb: vec![rgb], alpha: None, depth: None, pixel: None };
         let (a, b) = (image([0.5, 0.5, 0.5]), image([0.5, 0.51, 0.1]));
         assert_eq!(absolute(&a, &b, 10.0), [0, 26, 255]);
         assert_eq!(absolute(&b, &a, 10.0), [0, 26, 255]);

@@ -56,7 +56,7 @@ mod tests {
 
     fn image(width: u32, height: u32, value: impl Fn(u32, u32) -> f64) -> Image {
         let rgb = (0..width * height).map(|i| [value(i % width, i / width); 3]).collect();
-        Image { width, height, rgb, alpha: None, depth: None }
+        Image { width, height, rgb, alpha: None, depth: None, pixel: None }
     }
 
     /// L* of CIELAB (1976) of linear luminance.

@@ -15,6 +15,8 @@ pub struct Image {
     pub alpha: Option<Vec<f64>>,
     /// Linear view depth \[world\], where it is known; infinite where there is nothing.
     pub depth: Option<Vec<f64>>,
+    /// Width of a pixel at linear depth 1, where it is known: in perspective a pixel at depth z is z times as wide.
+    pub pixel: Option<f64>,
 }
 
 impl Image {
@@ -33,6 +35,7 @@ impl Image {
             rgb: pixels().map(|p| [value(p[0]), value(p[1]), value(p[2])]).collect(),
             alpha: (channels == 4).then(|| pixels().map(|p| value(p[3])).collect()),
             depth: None,
+            pixel: None,
         }
     }
 
@@ -52,7 +55,7 @@ impl Image {
             })
         };
         let alpha = Some(rgba.iter().map(|p| p[3]).collect());
-        Image { width, height, rgb: rgba.iter().map(over).collect(), alpha, depth: None }
+        Image { width, height, rgb: rgba.iter().map(over).collect(), alpha, depth: None, pixel: None }
     }
 
     /// From a float picture with what it knows of coverage and depth, over a background as in [`Image::from_linear`].
@@ -68,6 +71,7 @@ impl Image {
         }
         image.depth = picture.depth.as_ref().map(|d| d.iter().map(|&z| z as f64).collect());
         assert!(image.depth.as_ref().is_none_or(|d| d.len() == rgba.len()), "one depth a pixel");
+        image.pixel = picture.window.map(|w| w as f64 / picture.width as f64);
         image
     }
 

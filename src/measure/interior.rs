@@ -11,8 +11,13 @@ const RADIUS: usize = 1;
 /// Fully covered, as far as eight bits tell.
 const FULL: f64 = 1.0 - 1.0 / 255.0;
 
-/// Errors over the pixels whose whole neighbourhood of 3 × 3 is fully covered (at least 1 − 1/255) in both pictures; at the
-/// picture's border, what there is of it.
+/// Steepest surface that is no outline, as depth a pixel's width: 2 is 63°. A surface that is steeper, or one before another,
+/// shows itself within a pixel's width, and what a pixel then shows is a matter of filtering, not of the surface's shape.
+const STEEPEST: f64 = 2.0;
+
+/// Errors over the pixels away from every outline: their whole neighbourhood of 3 × 3 is fully covered (at least 1 − 1/255) in
+/// both pictures, and, where the truth knows its depth and how wide a pixel is, its depths in there differ by no more than
+/// those of a surface at 63° to the view. At the picture's border, what there is of the neighbourhood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interior {
     /// How many they are.
@@ -29,9 +34,13 @@ pub(super) fn interior(truth: &Image, picture: &Image) -> Option<Interior> {
     let size = [truth.width as usize, truth.height as usize];
     // Eight-bit values are exact quotients: 254/255 must not fail by its rounding.
     let full = |i: usize| a[i].min(b[i]) >= FULL - 1e-12;
+    // Across the diagonal, at most: to the first order a plane's depth changes by z · pixel · slope from pixel to pixel.
+    let reach = RADIUS as f64 * std::f64::consts::SQRT_2 * STEEPEST;
+    let depths = truth.depth.as_ref().zip(truth.pixel);
     let (mut pixels, mut squares) = (0, 0.0);
     for i in 0..a.len() {
-        if all_around(size, [i % size[0], i / size[0]], RADIUS, full) {
+        let smooth = |j: usize| depths.is_none_or(|(z, pixel)| (z[j] - z[i]).abs() <= reach * pixel * z[i]);
+        if all_around(size, [i % size[0], i / size[0]], RADIUS, |j| full(j) && smooth(j)) {
             pixels += 1;
             squares += square(truth, picture, i);
         }
@@ -46,7 +55,7 @@ mod tests {
 
     fn grey(width: u32, height: u32, value: f64) -> Image {
         let pixels = (width * height) as usize;
-        Image { width, height, rgb: vec![[value; 3]; pixels], alpha: Some(vec![1.0; pixels]), depth: None }
+        Image { width, height, rgb: vec![[value; 3]; pixels], alpha: Some(vec![1.0; pixels]), depth: None, pixel: None }
     }
 
     #[test]
@@ -75,6 +84,23 @@ mod tests {
             open.alpha.as_mut().unwrap()[y * 7] = 254.0 / 255.0;
         }
         assert_eq!(interior(&open, &picture).unwrap().pixels, 35);
+    }
+
+    #[test]
+    fn one_surface_before_another_is_an_outline() {
+        // Depths 10 and, from column 4 on, 10 + jump; a pixel is 0.1 wide there.
+        let stepped = |jump: f64| {
+            let mut truth = grey(7, 5, 0.5);
+            truth.depth = Some((0..35).map(|i| if i % 7 < 4 { 10.0 } else { 10.0 + jump }).collect());
+            truth.pixel = Some(0.01);
+            interior(&truth, &grey(7, 5, 0.5)).unwrap().pixels
+        };
+        // √2 · 2 · 0.1 is what a slope may do; beyond, columns 3 and 4 are out.
+        assert_eq!((stepped(0.28), stepped(0.29), stepped(-0.5)), (35, 25, 25));
+        assert_eq!(stepped(f64::INFINITY), 25, "a hole in the depth");
+        let mut unknown = grey(7, 5, 0.5);
+        unknown.depth = Some((0..35).map(|i| if i % 7 < 4 { 1.0 } else { 9.0 }).collect());
+        assert_eq!(interior(&unknown, &grey(7, 5, 0.5)).unwrap().pixels, 35, "nobody knows how wide a pixel is");
     }
 
     #[test]

@@ -274,6 +274,7 @@ fn holes_depths_and_a_picture_of_the_error() {
         rgba: vec![[0.5, 0.25, 0.125, 1.0]; 16 * 12],
         coverage: true,
         depth: Some(vec![4.0; 16 * 12]),
+        window: None,
     };
     // The left half is background.
     for i in (0..16 * 12).filter(|i| i % 16 < 8) {

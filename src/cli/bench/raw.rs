@@ -163,6 +163,8 @@ fn parse(value: &Value) -> Option<Run> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     fn file(device: &str, cases: Value) -> Value {

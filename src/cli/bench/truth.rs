@@ -14,7 +14,7 @@ use surfel::structure::Flat;
 use surfel::style::Style;
 use surfel::technique::Technique;
 
-use super::super::scene;
+use super::super::{output, scene};
 use super::args::TruthKind;
 
 /// Samples along a pixel's side.
@@ -84,13 +84,7 @@ impl Source {
                 reference::supersampled(&scene, POINTS_SIDE)
             }
         };
-        let float = FloatPicture {
-            width,
-            height,
-            rgba: picture.rgba.iter().map(|p| p.map(|v| v as f32)).collect(),
-            coverage: true,
-            depth: Some(picture.depth.iter().map(|z| *z as f32).collect()),
-        };
+        let float = output::from_reference(&picture, view);
         float.write(file)?;
         Ok(float)
     }
