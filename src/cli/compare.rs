@@ -90,7 +90,7 @@ pub fn value(d: &Difference, tolerance: u8) -> Value {
     let (silhouette, interior, depth) = (d.silhouette, d.interior, d.depth);
     json!({
         "pixels": d.pixels,
-        "equal": d.rmse == 0.0 && d.max_alpha.is_none_or(|a| a == 0.0),
+        "equal": d.rmse == 0.0 && d.max_alpha.is_none_or(|a| a == 0.0) && depth.is_none_or(|z| z.is_equal()),
         "rmse": d.rmse,
         "psnr": finite(d.psnr),
         "ssim": d.ssim,

@@ -21,6 +21,13 @@ pub struct DepthError {
     pub max: Option<f64>,
 }
 
+impl DepthError {
+    /// Nothing differs.
+    pub fn is_equal(&self) -> bool {
+        self.only_truth == 0 && self.only_picture == 0 && self.max.is_none_or(|m| m == 0.0)
+    }
+}
+
 /// From the depths of two pictures of one size.
 pub(super) fn depth(truth: &[f64], picture: &[f64]) -> DepthError {
     let there = |z: f64| z.is_finite() && z > 0.0;
@@ -52,6 +59,7 @@ mod tests {
         // 0, 1/4 and 1/2; the 99th percentile at position 1.98 of 0 to 2.
         assert_eq!((d.median, d.max), (Some(0.25), Some(0.5)));
         assert!((d.p99.unwrap() - (0.25 + 0.98 * 0.25)).abs() < 1e-12);
+        assert!(!d.is_equal() && depth(&truth, &truth).is_equal() && !depth(&truth[4..5], &picture[4..5]).is_equal());
         // Relative to the truth: 2 for 4 is one half off, 4 for 2 a whole.
         assert_eq!((depth(&[4.0], &[2.0]).max, depth(&[2.0], &[4.0]).max), (Some(0.5), Some(1.0)));
     }

@@ -309,6 +309,13 @@ fn holes_depths_and_a_picture_of_the_error() {
     let lit: Vec<_> = map.enumerate_pixels().filter(|p| p.2.0 != [0; 3]).map(|p| (p.0, p.1)).collect();
     assert_eq!(lit, [(11, 5)], "only the hole differs in colour");
 
+    let mut farther = truth.clone();
+    farther.depth.as_mut().unwrap()[9] = 4.5;
+    farther.write(&b).unwrap();
+    let d = json(&[&a, &b]);
+    assert_eq!((&d["equal"], &d["rmse"]), (&false.into(), &0.0.into()), "the depth alone differs");
+    picture.write(&b).unwrap();
+
     // The same picture in bytes, transparent where it is not covered: linear 0.5, 0.25, 0.125 is sRGB 188, 137, 99.
     let bytes = |i: u32| if i % 16 < 8 || i as usize == hole { [255, 0, 255, 0] } else { [188, 137, 99, 255] };
     image::RgbaImage::from_fn(16, 12, |x, y| image::Rgba(bytes(y * 16 + x))).save(&png).unwrap();

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::gpu::barrier::Access;
 use crate::gpu::download::Download;
 use crate::gpu::pass::{Attachment, DepthAttachment, Recorder, Targets, Use};
-use crate::gpu::program::{BlendMode, ColorTarget, DepthMode, GraphicsInfo, Stream};
+use crate::gpu::program::{ColorTarget, DepthMode, GraphicsInfo, Stream};
 use crate::gpu::resource::Image;
 use crate::gpu::spirv::{Shader, generated as spirv};
 use crate::standalone::device::Standalone;
@@ -332,7 +332,8 @@ impl<'a> Rig<'a> {
         let mut counted = 0;
         for (k, &image) in ready.colors.iter().enumerate() {
             let values = case.color.decode(&self.read(image)?);
-            let mark = case.blend_mode(k as u32) == BlendMode::AddMax;
+            // Of the second sum's alpha the greatest stays.
+            let mark = case.passes == Passes::TwoPass && k == 1;
             for (i, pixel) in values.chunks_exact(case.color.channels()).enumerate() {
                 let fragments = predicted.fragments[i].min(most);
                 for (channel, &found) in pixel.iter().enumerate() {
