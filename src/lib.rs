@@ -37,6 +37,7 @@ pub mod readback;
 #[cfg(feature = "reference")]
 pub mod reference;
 pub mod renderer;
+mod rng;
 pub mod select;
 #[cfg(feature = "standalone")]
 pub mod standalone;

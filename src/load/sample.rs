@@ -2,9 +2,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::synthetic::rng::Rng;
 use super::{Mesh, PointCloud, par};
 use crate::color::{decode_table, linear_to_srgb};
+use crate::rng::Rng;
 
 /// Points a task: enough to hide its cost.
 const BLOCK: usize = 4096;

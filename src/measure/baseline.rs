@@ -4,7 +4,7 @@
 //! chapter 13. Of many cases that did not change, about one in twenty is called different all the same.
 
 use super::timing::quantile;
-use crate::load::synthetic::rng::Rng;
+use crate::rng::Rng;
 
 /// Resamples: the authors ask for a thousand at least; ten times as many leave the interval's ends, where samples are
 /// discrete, the same from one seed to the next in all but rare cases.

@@ -3,10 +3,10 @@
 
 use glam::{DVec3, dvec3};
 
-use super::rng::{Rng, sin_cos};
 use super::terrain::{natural, relief, surface};
 use super::{Builder, Lattice, shapes, shares};
 use crate::load::PointCloud;
+use crate::rng::{Rng, sin_cos};
 
 use std::f64::consts::TAU;
 

@@ -2,8 +2,8 @@
 
 use glam::{Vec3, dvec3};
 
-use super::rng::sin_cos;
 use crate::load::{Mesh, PointCloud};
+use crate::rng::sin_cos;
 
 /// A closed unit sphere of `rings` ≥ 2 bands with `sectors` ≥ 3 each (less is raised to that), exact normals. Every
 /// vertex is there once.

@@ -2,7 +2,6 @@
 
 mod demo;
 mod mesh;
-pub(crate) mod rng;
 mod room;
 mod shapes;
 mod terrain;
@@ -13,6 +12,7 @@ use glam::{DVec3, Vec3};
 
 use super::PointCloud;
 use crate::error::{Error, Place, Result};
+use crate::rng::Rng;
 
 /// The scenes that [`scene`] makes, each with what it is for.
 pub const SCENES: [(&str, &str); 7] = [
@@ -121,7 +121,7 @@ impl Lattice {
     }
 
     /// The last row may hold fewer points than the others: they are spread over its whole width.
-    fn at(&self, i: usize, rng: &mut rng::Rng) -> (f64, f64) {
+    fn at(&self, i: usize, rng: &mut Rng) -> (f64, f64) {
         let (row, column) = (i / self.columns, i % self.columns);
         let in_row = (self.n - row * self.columns).min(self.columns);
         let mut shift = || 0.5 + self.jitter * (rng.unit() - 0.5);

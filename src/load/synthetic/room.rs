@@ -2,9 +2,9 @@
 
 use glam::{DVec3, dvec3};
 
-use super::rng::Rng;
 use super::{Builder, Lattice, shares};
 use crate::load::PointCloud;
+use crate::rng::Rng;
 
 const SIZE: DVec3 = dvec3(8.0, 6.0, 3.0);
 

@@ -3,8 +3,8 @@
 use glam::{DVec3, dvec3};
 
 use super::Builder;
-use super::rng::{Rng, golden, hash, sin_cos};
 use crate::load::PointCloud;
+use crate::rng::{Rng, golden, hash, sin_cos};
 
 use std::f64::consts::TAU;
 

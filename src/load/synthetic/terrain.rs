@@ -2,9 +2,9 @@
 
 use glam::{DVec3, dvec3};
 
-use super::rng::{Rng, hash};
 use super::{Builder, Lattice};
 use crate::load::PointCloud;
+use crate::rng::{Rng, hash};
 
 /// Side \[world units\].
 const SIDE: f64 = 100.0;

@@ -33,14 +33,14 @@ fn to_unit(bits: u64) -> f64 {
 }
 
 /// A number in 0..1 for a cell of a grid.
-pub(super) fn hash(x: i64, y: i64, seed: u64) -> f64 {
+pub(crate) fn hash(x: i64, y: i64, seed: u64) -> f64 {
     to_unit(mix(
         mix(seed ^ (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)) ^ (y as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)
     ))
 }
 
 /// Sine and cosine of `turns` full turns, to about 1e-15.
-pub(super) fn sin_cos(turns: f64) -> (f64, f64) {
+pub(crate) fn sin_cos(turns: f64) -> (f64, f64) {
     let quarter = (turns * 4.0).round();
     // Within an eighth of a turn of the nearest quarter; exact, since both are multiples of the same power of two.
     let x = (turns - quarter * 0.25) * std::f64::consts::TAU;
@@ -62,7 +62,7 @@ pub(super) fn sin_cos(turns: f64) -> (f64, f64) {
 }
 
 /// Point `i` of the sequence that multiples of the golden ratio make in 0..1.
-pub(super) fn golden(i: usize) -> f64 {
+pub(crate) fn golden(i: usize) -> f64 {
     (i as f64 * 0.618_033_988_749_894_9).fract()
 }
 
