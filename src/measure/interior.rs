@@ -96,7 +96,7 @@ mod tests {
             interior(&truth, &grey(7, 5, 0.5)).unwrap().pixels
         };
         // √2 · 2 · 0.1 is what a slope may do; beyond, columns 3 and 4 are out.
-        assert_eq!((stepped(0.28), stepped(0.29), stepped(-0.5)), (35, 25, 25));
+        assert_eq!((stepped(0.28), stepped(0.3), stepped(-0.5)), (35, 25, 25));
         assert_eq!(stepped(f64::INFINITY), 25, "a hole in the depth");
         let mut unknown = grey(7, 5, 0.5);
         unknown.depth = Some((0..35).map(|i| if i % 7 < 4 { 1.0 } else { 9.0 }).collect());
