@@ -21,6 +21,12 @@
 //!    orthographic projection that [`View`] allows.
 //! 4. Along with each pixel comes whether f32 arithmetic may decide differently there (see [`Picture::ties`]).
 //!
+//! 5. A splat is set up once for its bins and once for each of its tiles, never kept: memory is 24 B a splat and 4 B a
+//!    tile that it may touch. Rays are computed where they are used.
+//!
+//! # Truth
+//! What splats are measured by has its own ways: [`ray_cast`] where there are faces, [`supersampled`] where there are none.
+//!
 //! The low-pass follows Botsch, Hornung, Zwicker, Kobbelt: High-Quality Surface Splatting on Today's GPUs, 2005; the exact
 //! bounds Sigg, Weyrich, Botsch, Gross: GPU-Based Ray-Casting of Quadratic Surfaces, 2006, in the form for flat disks.
 #![forbid(unsafe_code)]
