@@ -121,3 +121,21 @@ fn names_are_unique_and_the_suite_is_whole() {
     assert_eq!(groups.len(), 9, "every group has its test above");
     assert!(all >= 179, "{all} cases: none is lost");
 }
+
+#[test]
+fn half_sums_fail_where_thousands_meet() {
+    use surfel::style::SumPrecision::{Half, Single};
+    vulkan::draw([160, 112], true, |off| {
+        let mut worst = |n, sums| {
+            let outcome = stress::run(off, &stress::heap_on_a_pixel(n, sums)).expect("a frame");
+            println!("{n} splats on a pixel, {sums:?}: off by {:.1e}", outcome.worst);
+            outcome.worst
+        };
+        for n in [1, 3, 10, 30, 100, 300, 1000, 3000, 10_000, 30_000, 100_000] {
+            let (single, half) = (worst(n, Single), worst(n, Half));
+            // The default stays within 1/255 of the full range throughout; half does not.
+            assert!(single < 1.0 / 255.0, "{n}: {single}");
+            assert!(n < 10_000 || half > 1.0 / 255.0, "{n}: {half}: half would do");
+        }
+    });
+}
