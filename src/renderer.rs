@@ -184,7 +184,7 @@ impl Renderer {
         }
         debug_assert!(input.views.iter().all(|v| v.depth == input.views[0].depth), "one depth convention a target");
         self.current = None;
-        let mut stats = FrameStats { frame: input.id, ..FrameStats::default() };
+        let mut stats = FrameStats { frame: input.id, sums: input.style.sums, ..FrameStats::default() };
 
         let traits: Vec<CloudTraits> = input.instances.iter().map(|i| self.cloud(i).traits()).collect();
         let plan = FramePlan::new(
@@ -445,7 +445,12 @@ impl Renderer {
     }
 
     fn ensure_targets(&mut self, input: &FrameInput, plan: &FramePlan) -> Result<()> {
-        let mut wanted = TargetPlan { extent: input.extent, layers: input.views.len() as u32, surface: plan.surface() };
+        let mut wanted = TargetPlan {
+            extent: input.extent,
+            layers: input.views.len() as u32,
+            surface: plan.surface(),
+            sums: input.style.sums,
+        };
         if let Some(old) = &self.targets {
             if old.plan == wanted {
                 return Ok(());

@@ -1,5 +1,7 @@
 //! What a frame did, and what it did not have to do.
 
+use crate::style::SumPrecision;
+
 /// A stage that did not run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Skip {
@@ -51,6 +53,8 @@ pub struct FrameStats {
     pub points_drawn: Option<u64>,
     /// The rest: `points_submitted = points_drawn + culled.total()`. `None` where nothing was counted.
     pub culled: Option<Culled>,
+    /// Precision of the sums.
+    pub sums: SumPrecision,
     /// Recorded draw and dispatch calls.
     pub draw_calls: u32,
     /// In order; empty where the device has no timestamps.

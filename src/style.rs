@@ -75,6 +75,23 @@ impl Shading {
         Shading::Phong { light: Vec3::new(-0.4, 0.6, 0.7), ambient: 0.15, specular: 0.25, shininess: 32.0 };
 }
 
+/// Format of the sums of colours and weights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum SumPrecision {
+    /// 32-bit floats, 16 B a pixel: n splats in a pixel are summed to n · 2⁻²⁴.
+    #[default]
+    Single,
+    /// 16-bit floats, 8 B a pixel: n splats in a pixel are summed to n · 2⁻¹¹ at best, and not beyond a sum of weights of
+    /// 2048 each. Measured (`tests/gpu/stress.rs`): within 1/255 up to a thousand splats in a pixel, a tenth of the full
+    /// range off at three thousand. For devices that are short of bandwidth; normals and the front's depth stay in 32 bits.
+    Half,
+}
+
+impl SumPrecision {
+    /// Every value with its name.
+    pub const ALL: &'static [(&'static str, Self)] = &[("single", Self::Single), ("half", Self::Half)];
+}
+
 /// Eye-dome lighting (Boucheny 2009): darkens a pixel by how far it lies behind its neighbours on the screen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EyeDome {
@@ -111,6 +128,8 @@ pub struct Style {
     pub eye_dome: Option<EyeDome>,
     /// sRGB-encoded colour of clouds that have none.
     pub base_color: [u8; 3],
+    /// Precision of the sums.
+    pub sums: SumPrecision,
 }
 
 impl Default for Style {
@@ -125,6 +144,7 @@ impl Default for Style {
             shading: Shading::HEADLIGHT,
             eye_dome: None,
             base_color: [0xd0; 3],
+            sums: SumPrecision::Single,
         }
     }
 }

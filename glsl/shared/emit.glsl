@@ -12,9 +12,8 @@ bool is_drawn(Splat s) {
 void emit_attributes(Splat s, uint color) {
     v_frame = LARGE ? vec4(s.centre, s.radius) : s.inverse;
     v_centre = vec4(s.whole, s.depth, s.radius);
-    v_rest = s.rest;
-    v_plane = LARGE ? vec4(s.normal, s.epsilon) : vec4(s.slope, s.perspective, s.epsilon);
-    v_color = HAS_COLOR ? linear_from_srgb(unpackUnorm4x8(color).rgb) : params.base_color.rgb;
+    v_plane = vec4(s.slope, s.rest);
+    v_color = vec4(HAS_COLOR ? linear_from_srgb(unpackUnorm4x8(color).rgb) : params.base_color.rgb, s.epsilon);
     v_normal = s.normal;
 }
 

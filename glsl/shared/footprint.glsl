@@ -9,7 +9,7 @@ const float MISS = 1e30;
 float footprint(vec2 fragment, out float z) {
     z = v_centre.z;
     // The first difference is exact.
-    vec2 d = (fragment - v_centre.xy) - v_rest;
+    vec2 d = (fragment - v_centre.xy) - v_plane.zw;
     if (FOOTPRINT == FOOTPRINT_PIXELS) {
         return max(abs(d.x), abs(d.y)) <= 0.5 * params.pixel_size ? 0.0 : MISS;
     }
@@ -18,7 +18,7 @@ float footprint(vec2 fragment, out float z) {
         vec3 base, direction;
         pixel_ray(fragment, base, direction);
         vec3 c = v_frame.xyz;
-        vec3 n = v_plane.xyz;
+        vec3 n = v_normal;
         float facing = dot(n, direction);
         float hit = dot(n, c - base) / facing;
         if (facing != 0.0 && (hit > 0.0 || !is_perspective())) {
@@ -28,9 +28,10 @@ float footprint(vec2 fragment, out float z) {
         }
     } else {
         vec2 affine = vec2(dot(v_frame.xy, d), dot(v_frame.zw, d));
-        float s = APPROXIMATE ? 1.0 : 1.0 - dot(affine, v_plane.xy) * v_plane.z;
+        bool exact = !APPROXIMATE && is_perspective();
+        float s = exact ? v_centre.z - dot(affine, v_plane.xy) : 1.0;
         if (s > 0.0) {
-            vec2 ab = affine / s;
+            vec2 ab = affine * (exact ? v_centre.z / s : 1.0);
             on_disk = dot(ab, ab);
             z = v_centre.z + dot(ab, v_plane.xy);
         }

@@ -30,7 +30,6 @@ struct Splat {
     vec2 rest;
     vec4 inverse;   // rows of the matrix that takes d to (a0, b0)
     vec2 slope;     // depth along r t1 and r t2
-    float perspective;  // 1/w for perspective, else 0: h = slope · perspective
     vec4 box;       // min and max [px] of the footprint within the picture, from its middle
 };
 
@@ -99,7 +98,6 @@ Splat project(vec4 geometry, uint normal_code) {
     s.inverse = vec4(0.0);
     s.slope = vec2(0.0);
     s.epsilon = 0.0;
-    s.perspective = 0.0;
     s.box = vec4(0.0);
     // Also false for NaN; infinities fail the upper bounds. The stored radius is asked, since a product may be flushed to 0.
     bool sized = geometry.w > 0.0 && !isinf(geometry.w) && params.radius_scale > 0.0;
@@ -170,7 +168,6 @@ Splat project(vec4 geometry, uint normal_code) {
             float f = w / (s.radius * area);
             s.epsilon = tolerance(s.radius, w * inversesqrt(abs(area)), nv);
             s.inverse = f * vec4(jm.y, -jm.x, -j1.y / nv, j1.x / nv);
-            s.perspective = perspective ? 1.0 / w : 0.0;
             // Extent of the image about its centre: the roots of the dual conic, with axes A = r J(t1), B = r (n·v) J(m).
             vec4 axes = s.radius * vec4(j1, nv * jm);           // (A.x, A.y, B.x, B.y)
             vec2 square = axes.xy * axes.xy + axes.zw * axes.zw;

@@ -9,12 +9,16 @@ use crate::gpu::Context;
 use crate::gpu::pass::{Attachment, DepthAttachment};
 use crate::gpu::resource::Image;
 use crate::gpu::retire::{RetireQueue, Retired};
+use crate::style::SumPrecision;
 
 /// Depth of the splat passes: reversed, so floats are dense where the far things are. The stencil marks pixels where the
 /// front hides something.
 pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT_S8_UINT;
-/// Format of the sums. Thousands of splats may meet in a pixel, and half floats stop counting at 2048.
+/// Format of the sums, unless the style asks for less. Thousands of splats may meet in a pixel, and half floats stop
+/// counting at 2048.
 pub const SUMS: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+/// What it asks for then: Vulkan demands that every device blends into it.
+const HALF: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
 /// Nothing is farther away: the front's −z starts below every real one.
 const FAR_AWAY: f32 = f32::MIN;
 
@@ -27,12 +31,27 @@ pub struct TargetPlan {
     pub layers: u32,
     /// Sums of normals and the front's depth are kept.
     pub surface: bool,
+    /// Precision of the sums of colours and weights.
+    pub sums: SumPrecision,
 }
 
 impl TargetPlan {
     /// Bytes a pixel and view.
     pub fn bytes_per_pixel(&self) -> u64 {
-        8 + 16 + if self.surface { 16 } else { 0 }
+        let sums = match self.sums {
+            SumPrecision::Single => 16,
+            SumPrecision::Half => 8,
+        };
+        8 + sums + if self.surface { 16 } else { 0 }
+    }
+
+    /// Formats of the sums by location. The second one's alpha is the front's depth, which 16 bits would ruin: it has 32
+    /// whatever the first has.
+    pub fn formats(&self) -> [vk::Format; 2] {
+        match self.sums {
+            SumPrecision::Single => [SUMS, SUMS],
+            SumPrecision::Half => [HALF, SUMS],
+        }
     }
 }
 
@@ -72,9 +91,9 @@ impl Targets {
                 DEPTH,
                 vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT | vk::ImageUsageFlags::SAMPLED,
             )?;
-            make(context, "color_sum", SUMS, usage)?;
+            make(context, "color_sum", plan.formats()[0], usage)?;
             if plan.surface {
-                make(context, "surface_sum", SUMS, usage)?;
+                make(context, "surface_sum", plan.formats()[1], usage)?;
             }
             Ok(())
         })();

@@ -11,7 +11,7 @@ use crate::gpu::spirv::{Shader, generated as spirv};
 use crate::style::{Ellipse, Style};
 
 use super::plan::{CloudTraits, FramePlan};
-use super::targets::{DEPTH, SUMS, TargetPlan};
+use super::targets::{DEPTH, TargetPlan};
 
 /// Shaders that share the splats' layout: set 0 parameters, set 1 a chunk, set 2 counters.
 pub const SHADERS: &[&Shader] = &[
@@ -64,6 +64,8 @@ pub struct Variant {
     pub large: bool,
     /// The second attachment, of normals and the front's depth, is there.
     pub surface: bool,
+    /// Formats of the attachments by location.
+    pub formats: [vk::Format; 2],
 }
 
 impl Variant {
@@ -86,6 +88,7 @@ impl Variant {
             colors: cloud.colors,
             large,
             surface: targets.surface,
+            formats: targets.formats(),
         }
     }
 
@@ -102,8 +105,9 @@ impl Variant {
         ];
         let attachments = if self.surface { 2 } else { 1 };
         let accumulate = if self.surface { &spirv::DRAW_ACCUMULATE_SURFACE_FRAG } else { &spirv::DRAW_ACCUMULATE_FRAG };
-        let sums = [BlendMode::Add, BlendMode::AddMax].map(|blend| ColorTarget { format: SUMS, blend });
-        let nearest = [ColorTarget { format: SUMS, blend: BlendMode::Replace }; 2];
+        let target = |i: usize, blend| ColorTarget { format: self.formats[i], blend };
+        let sums = [target(0, BlendMode::Add), target(1, BlendMode::AddMax)];
+        let nearest = [target(0, BlendMode::Replace), target(1, BlendMode::Replace)];
         let greater = vk::CompareOp::GREATER_OR_EQUAL;
         let (name, fragment, colors, depth): (_, _, &[ColorTarget], _) = match self.role {
             Role::Count => return program.compute(context, "count", &spirv::SELECT_COUNT_COMP, &constants),

@@ -11,6 +11,7 @@ mod attributes_neighbours;
 mod attributes_normals;
 mod attributes_radii;
 mod attributes_shapes;
+mod golden;
 mod load_bad;
 mod load_files;
 mod load_las;

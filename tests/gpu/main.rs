@@ -5,6 +5,7 @@ mod canary;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
+mod golden;
 mod harness;
 mod host_contract;
 mod host_engine;

@@ -28,7 +28,8 @@ use crate::select::View;
 use crate::style::Style;
 use crate::technique::{Blend, Technique};
 
-pub use run::{Outcome, run};
+pub use run::{Outcome, draw, judge, reference, run};
+pub use sums::heap_on_a_pixel;
 
 /// Slope of log w at the rim, 8 ln 2: see above.
 pub const STEEPEST: f64 = 8.0 * std::f64::consts::LN_2;

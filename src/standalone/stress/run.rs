@@ -47,12 +47,52 @@ impl Outcome {
 ///
 /// Fails where the device cannot draw it at all; a wrong picture is an outcome.
 pub fn run(off: &mut Offscreen, case: &Case) -> Result<Outcome> {
-    let [width, height] = case.size;
-    off.resize(vk::Extent2D { width, height })?;
-    let flat = Arc::new(Flat::new(&case.take.cloud));
-    let (picture, stats) = shoot(off, &case.take, &flat, true)?;
-    let (again, _) = shoot(off, &case.take, &flat, false)?;
-    let expected = expect(&case.take, &flat, case.size);
+    let (picture, stats) = shoot(off, case, &case.take, true)?;
+    let (again, _) = shoot(off, case, &case.take, false)?;
+    let expected = reference(case);
+    let mut outcome = judge(case, &picture, &expected);
+    count(&mut outcome, &stats, &expected.counts);
+    if bytes(&picture) != bytes(&again) {
+        outcome.faults.push("two runs differ".into());
+    }
+    if let Some(twin) = &case.twin {
+        let (other, _) = shoot(off, case, &twin.take, false)?;
+        let sure = (0..picture.rgba.len()).filter(|i| !expected.ties[*i]);
+        let error =
+            |i: usize| difference(picture.rgba[i], other.rgba[i].map(f64::from)) / scale(expected.sensitivity[i]);
+        let worst = sure.map(error).fold(0.0, f64::max);
+        outcome.worst_twin = Some(worst);
+        if worst > twin.bound {
+            outcome.faults.push(format!("off its twin by {worst:.2e}, {:.2e} may be", twin.bound));
+        }
+    }
+    Ok(outcome)
+}
+
+/// The device's picture of a case; `off` takes the case's size.
+pub fn draw(off: &mut Offscreen, case: &Case) -> Result<Picture> {
+    Ok(shoot(off, case, &case.take, false)?.0)
+}
+
+/// The reference's picture of a case, with the ties of f32.
+pub fn reference(case: &Case) -> reference::Picture {
+    let (take, [width, height]) = (&case.take, case.size);
+    let flat = Flat::new(&take.cloud);
+    let scene = reference::Scene {
+        instances: &[reference::Instance { flat: &flat, transform: take.transform }],
+        list: &DrawList::all([flat.len() as u32]),
+        view: &take.view,
+        width,
+        height,
+        technique: take.technique,
+        style: &take.style,
+        host_depth: None,
+    };
+    reference::render(&scene, MARGIN_F32)
+}
+
+/// Compares a picture with what is expected; counts and twin are left to [`run`].
+pub fn judge(case: &Case, picture: &Picture, expected: &reference::Picture) -> Outcome {
     let mut outcome = Outcome {
         pixels: expected.rgba.iter().filter(|p| p[3] > 0.0).count(),
         worst: 0.0,
@@ -63,51 +103,24 @@ pub fn run(off: &mut Offscreen, case: &Case) -> Result<Outcome> {
         counts_equal: true,
         faults: Vec::new(),
     };
-    if bytes(&picture) != bytes(&again) {
-        outcome.faults.push("two runs differ".into());
-    }
     if outcome.pixels < case.covered {
         outcome.faults.push(format!("only {} pixels show anything", outcome.pixels));
     }
-    count(&mut outcome, &stats, &expected.counts);
-    colors(&mut outcome, case, &picture, &expected);
-    depths(&mut outcome, case, &picture, &expected);
-    if let Some(twin) = &case.twin {
-        let (other, _) = shoot(off, &twin.take, &Arc::new(Flat::new(&twin.take.cloud)), false)?;
-        let mut worst = 0.0;
-        for i in (0..picture.rgba.len()).filter(|i| !expected.ties[*i]) {
-            let error = difference(picture.rgba[i], other.rgba[i].map(f64::from)) / scale(expected.sensitivity[i]);
-            worst = f64::max(worst, error);
-        }
-        outcome.worst_twin = Some(worst);
-        if worst > twin.bound {
-            outcome.faults.push(format!("off its twin by {worst:.2e}, {:.2e} may be", twin.bound));
-        }
-    }
-    Ok(outcome)
+    colors(&mut outcome, case, picture, expected);
+    depths(&mut outcome, case, picture, expected);
+    bytes_shown(&mut outcome, case, picture, expected);
+    outcome
 }
 
-fn shoot(off: &mut Offscreen, take: &Take, flat: &Arc<Flat>, count: bool) -> Result<(Picture, FrameStats)> {
-    let cloud = off.renderer.add(Arc::clone(flat))?;
+fn shoot(off: &mut Offscreen, case: &Case, take: &Take, count: bool) -> Result<(Picture, FrameStats)> {
+    let [width, height] = case.size;
+    off.resize(vk::Extent2D { width, height })?;
+    let cloud = off.renderer.add(Arc::new(Flat::new(&take.cloud)))?;
     let instances = [Instance { cloud, transform: take.transform }];
     let shot = Shot { view: &take.view, instances: &instances, technique: take.technique, style: &take.style, count };
     let drawn = off.draw(&shot).and_then(|(stats, _)| Ok((off.read()?, stats)));
     off.renderer.remove(cloud);
     drawn
-}
-
-fn expect(take: &Take, flat: &Flat, [width, height]: [u32; 2]) -> reference::Picture {
-    let scene = reference::Scene {
-        instances: &[reference::Instance { flat, transform: take.transform }],
-        list: &DrawList::all([flat.len() as u32]),
-        view: &take.view,
-        width,
-        height,
-        technique: take.technique,
-        style: &take.style,
-        host_depth: None,
-    };
-    reference::render(&scene, MARGIN_F32)
 }
 
 fn bytes(picture: &Picture) -> (Vec<[u32; 4]>, Option<Vec<u32>>) {
@@ -184,5 +197,22 @@ fn depths(outcome: &mut Outcome, case: &Case, picture: &Picture, expected: &refe
         let (error, i) = worst;
         let at = (i as u32 % case.size[0], i as u32 / case.size[0]);
         outcome.faults.push(format!("depth off by {error:.2e} of {} at {at:?}", expected.depth[i]));
+    }
+}
+
+/// What ships: 8-bit sRGB over black within one step, wherever float light is within 3·10⁻⁴ (12.92 · 255 · 3·10⁻⁴ < 1, which
+/// rounding makes one step at most).
+fn bytes_shown(outcome: &mut Outcome, case: &Case, picture: &Picture, expected: &reference::Picture) {
+    if case.bound > 3e-4 {
+        return;
+    }
+    let rgba = expected.rgba.iter().map(|p| p.map(|v| v as f32)).collect();
+    let want = Picture { rgba, depth: None, ..*picture };
+    let (got, want) = (picture.encode([0, 0, 0, 255]), want.encode([0, 0, 0, 255]));
+    let sure = |i: &usize| !expected.ties[*i] && case.bound * scale(expected.sensitivity[*i]) <= 3e-4;
+    let step = |i: usize| (4 * i..4 * i + 4).map(|k| got[k].abs_diff(want[k])).max().unwrap_or_default();
+    if let Some(i) = (0..expected.rgba.len()).filter(sure).find(|i| step(*i) > 1) {
+        let at = (i as u32 % case.size[0], i as u32 / case.size[0]);
+        outcome.faults.push(format!("off by {} of 255 at {at:?}", step(i)));
     }
 }

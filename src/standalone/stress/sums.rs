@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::scenes::{ahead, both, plain, random, random_colors, take};
 use super::{Case, TARGET, Take};
 use crate::load::PointCloud;
-use crate::style::{Style, Tolerance};
+use crate::style::{Style, SumPrecision, Tolerance};
 use crate::technique::{Blend, Technique};
 
 pub fn cases() -> Vec<Case> {
@@ -40,17 +40,31 @@ fn heaps() -> Vec<Case> {
                 case.bound(2.0 * n as f64 / (1 << 24) as f64, "f32 sums of n terms: n 2^-24 each, two of them divided")
             }
         });
-        let n = 10_000;
-        let pixel = Arc::new(heap(n, 0.002, 0.002));
-        let case = Case::new(GROUP, "1e4 on one pixel", take(&pixel, ahead(0.01), technique)).covered(3);
-        cases.push(match technique.blend {
-            Blend::Opaque => case,
-            _ => {
-                case.bound(2.0 * n as f64 / (1 << 24) as f64, "f32 sums of n terms: n 2^-24 each, two of them divided")
-            }
-        });
+        if technique.blend == Blend::Opaque {
+            let pixel = Arc::new(heap(10_000, 0.002, 0.002));
+            cases.push(Case::new(GROUP, "1e4 on one pixel", take(&pixel, ahead(0.01), technique)).covered(3));
+        }
     }
+    cases.extend([10, 1000, 10_000].map(|n| heap_on_a_pixel(n, SumPrecision::Single)));
+    // As far as the bound says anything.
+    cases.extend([1, 10, 100].map(|n| heap_on_a_pixel(n, SumPrecision::Half)));
     cases
+}
+
+/// `n` splats within one pixel, their sums in this precision: for tables of error against n.
+pub fn heap_on_a_pixel(n: usize, sums: SumPrecision) -> Case {
+    let cloud = Arc::new(heap(n, 0.002, 0.002));
+    let style = Style { sums, ..plain() };
+    let take = Take { style, ..take(&cloud, ahead(0.01), Technique::default()) };
+    let (bits, why) = match sums {
+        SumPrecision::Single => (24, "f32 sums of n terms: n 2^-24 each, two of them divided"),
+        SumPrecision::Half => {
+            (11, "fp16 sums of n terms, each rounded before: (n + 1) 2^-11 each, two of them divided")
+        }
+    };
+    let bound = 2.0 * (n + 1) as f64 / (1u32 << bits) as f64;
+    // Ten splats are summed more exactly than their weights are known.
+    Case::new("heaps", format!("{n} on one pixel, {sums:?}"), take).covered(1).bound(bound.max(1e-5), why).ties(4)
 }
 
 /// Alone in the picture, so that every weight down to 1/16 shows.
