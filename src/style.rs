@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use crate::technique::names;
+
 /// What a point covers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -87,11 +89,6 @@ pub enum SumPrecision {
     Half,
 }
 
-impl SumPrecision {
-    /// Every value with its name.
-    pub const ALL: &'static [(&'static str, Self)] = &[("single", Self::Single), ("half", Self::Half)];
-}
-
 /// Eye-dome lighting (Boucheny 2009): darkens a pixel by how far it lies behind its neighbours on the screen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EyeDome {
@@ -148,3 +145,6 @@ impl Default for Style {
         }
     }
 }
+
+names!(Ellipse { Exact = "exact", Approximate = "approximate" });
+names!(SumPrecision { Single = "single", Half = "half" });

@@ -2,8 +2,6 @@
 //!
 //! No technique is a renderer of its own. The papers, and combinations that none of them had, are rows of [`PRESETS`].
 
-use std::fmt;
-
 /// How the points are arranged in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -92,11 +90,11 @@ impl Default for Technique {
     }
 }
 
-/// The names that the command line and the statistics use, one table an axis value.
+/// The names that the command line and the statistics use, one table a choice.
 macro_rules! names {
     ($axis:ty { $($value:ident = $name:literal),* $(,)? }) => {
         impl $axis {
-            /// Every value of this axis with its name.
+            /// Every value with its name.
             pub const ALL: &'static [(&'static str, Self)] = &[$(($name, Self::$value)),*];
 
             /// The value of this name.
@@ -109,13 +107,15 @@ macro_rules! names {
                 match self { $(Self::$value => $name),* }
             }
         }
-        impl fmt::Display for $axis {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        impl std::fmt::Display for $axis {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 f.write_str(self.name())
             }
         }
     };
 }
+
+pub(crate) use names;
 
 names!(Structure { Flat = "flat" });
 names!(Selection { All = "all" });

@@ -9,7 +9,7 @@ use glam::DVec3;
 use super::bench::args::BenchArgs;
 use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
-use surfel::style::Ellipse;
+use surfel::style::{Ellipse, SumPrecision};
 use surfel::technique::{Blend, Primitive, Structure};
 
 /// Renders point scans (LiDAR, photogrammetry, dense meshes) as elliptical Gaussian splats with Vulkan.
@@ -77,24 +77,6 @@ pub enum Cull {
     Off,
 }
 
-/// How a disk's outline is computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum EllipseKind {
-    /// Its perspective image.
-    Exact,
-    /// The linear approximation of Coconu and Hege 2002.
-    Approximate,
-}
-
-impl From<EllipseKind> for Ellipse {
-    fn from(kind: EllipseKind) -> Ellipse {
-        match kind {
-            EllipseKind::Exact => Ellipse::Exact,
-            EllipseKind::Approximate => Ellipse::Approximate,
-        }
-    }
-}
-
 pub(super) fn inputs() -> impl TypedValueParser<Value = Input> {
     OsStringValueParser::new().try_map(parse::input)
 }
@@ -154,8 +136,11 @@ pub struct TechniqueArgs {
     #[arg(long, value_name = "point|quad", default_value = "point", value_parser = axis(Primitive::ALL))]
     pub primitive: Primitive,
     /// How a splat's outline is computed.
-    #[arg(long, value_enum, default_value = "exact")]
-    pub ellipse: EllipseKind,
+    #[arg(long, value_name = "NAME", default_value = "exact", value_parser = axis(Ellipse::ALL))]
+    pub ellipse: Ellipse,
+    /// Floats that colours and weights are summed in: half is for devices short of bandwidth.
+    #[arg(long, value_name = "single|half", default_value = "single", value_parser = axis(SumPrecision::ALL))]
+    pub sums: SumPrecision,
 }
 
 /// How the surface looks, whatever draws it.

@@ -94,7 +94,12 @@ pub fn up(args: &LensArgs, clouds: &[PointCloud]) -> (DVec3, bool, Option<String
 }
 
 /// The style that the options ask for.
-pub fn style(args: &LookArgs, shade: Shade) -> Style {
+pub fn style(technique: &TechniqueArgs, look: &LookArgs, shade: Shade) -> Style {
+    Style { ellipse: technique.ellipse, sums: technique.sums, ..surface(look, shade) }
+}
+
+/// The style of the surface alone, whatever draws it.
+pub fn surface(args: &LookArgs, shade: Shade) -> Style {
     let strength = args.edl.unwrap_or(if shade == Shade::Edl { 1.0 } else { 0.0 });
     Style {
         footprint: match args.radius {
@@ -163,15 +168,15 @@ mod tests {
         assert_eq!(blend(&[]).unwrap(), Blend::TwoPass);
         assert_eq!(blend(&["--radius", "px:2"]).unwrap(), Blend::Opaque);
         assert!(blend(&["--radius", "px:2", "--blend", "two-pass"]).is_err());
-        assert_eq!(style(&args(&["--radius", "px:2"]).look, Shade::None).footprint, Footprint::Pixels(2.0));
+        assert_eq!(surface(&args(&["--radius", "px:2"]).look, Shade::None).footprint, Footprint::Pixels(2.0));
     }
 
     #[test]
     fn eye_dome_goes_with_any_light() {
-        assert_eq!(style(&args(&[]).look, Shade::Headlight).eye_dome, None);
-        assert_eq!(style(&args(&[]).look, Shade::Edl).eye_dome, Some(EyeDome::default()));
-        assert_eq!(style(&args(&["--edl", "0.5"]).look, Shade::Headlight).eye_dome.map(|e| e.strength), Some(0.5));
-        assert_eq!(style(&args(&["--edl", "0"]).look, Shade::Edl).eye_dome, None);
+        assert_eq!(surface(&args(&[]).look, Shade::Headlight).eye_dome, None);
+        assert_eq!(surface(&args(&[]).look, Shade::Edl).eye_dome, Some(EyeDome::default()));
+        assert_eq!(surface(&args(&["--edl", "0.5"]).look, Shade::Headlight).eye_dome.map(|e| e.strength), Some(0.5));
+        assert_eq!(surface(&args(&["--edl", "0"]).look, Shade::Edl).eye_dome, None);
     }
 
     #[test]

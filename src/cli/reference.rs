@@ -45,7 +45,7 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
     }
     let mut scene = Scene::complete(read, &args.view.lens, &args.look, &progress)?;
     let view = scene.view(pose, args.view.lens.fov, args.view.size);
-    let style = Style { ellipse: args.technique.ellipse.into(), ..look::style(&args.look, scene.shade) };
+    let style = look::style(&args.technique, &args.look, scene.shade);
     let (points_input, assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
 
     let mut rows = vec![("picture", format!("{width} x {height}, f64, {}", said(args.truth, samples)))];

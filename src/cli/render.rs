@@ -9,7 +9,6 @@ use glam::DMat4;
 
 use surfel::ash::vk;
 use surfel::standalone::{DeviceInfo, Layers, Offscreen, Options, Shot, Standalone};
-use surfel::style::Style;
 use surfel::technique::Technique;
 use surfel::{CloudId, Instance};
 
@@ -83,7 +82,7 @@ fn picture(
     let progress = Progress::new(args.quiet);
     let mut scene = Scene::load(&args.inputs, &args.view.lens, &args.look, &progress)?;
     let view = scene.view(pose, args.view.lens.fov, args.view.size);
-    let style = Style { ellipse: args.technique.ellipse.into(), ..look::style(&args.look, scene.shade) };
+    let style = look::style(&args.technique, &args.look, scene.shade);
     let (points_input, assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
     let mut instances = Vec::new();
     for flat in scene.pack() {

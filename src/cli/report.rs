@@ -45,6 +45,7 @@ impl Report {
             "height": self.size[1],
             "structure": self.technique.structure.name(),
             "blend": self.technique.blend.name(),
+            "sums": stats.sums.name(),
             "points_input": self.points_input,
             "points_submitted": stats.points_submitted,
             "points_drawn": stats.points_drawn,

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::super::args::{EllipseKind, LensArgs, LookArgs, axis, inputs};
+use super::super::args::{LensArgs, LookArgs, axis, inputs};
 use super::super::parse::{self, Input};
+use surfel::style::{Ellipse, SumPrecision};
 use surfel::technique::{PRESETS, Technique};
 
 /// Measures time against error. `surfel bench raw` measures what the device could do at best.
@@ -54,8 +55,11 @@ pub struct SweepArgs {
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = axis(PRESETS))]
     pub techniques: Vec<Technique>,
     /// How outlines are computed.
-    #[arg(long, value_enum, value_name = "KIND,…", default_value = "exact", value_delimiter = ',')]
-    pub ellipses: Vec<EllipseKind>,
+    #[arg(long, value_name = "NAME,…", default_value = "exact", value_delimiter = ',', value_parser = axis(Ellipse::ALL))]
+    pub ellipses: Vec<Ellipse>,
+    /// Floats that colours and weights are summed in.
+    #[arg(long, value_name = "NAME,…", default_value = "single", value_delimiter = ',', value_parser = axis(SumPrecision::ALL))]
+    pub sums: Vec<SumPrecision>,
     /// Splat sizes: factors on the radii.
     #[arg(long, value_name = "S,…", default_value = "1", value_delimiter = ',', value_parser = parse::positive)]
     pub scales: Vec<f64>,

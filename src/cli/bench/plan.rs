@@ -4,10 +4,9 @@ use std::fs;
 
 use anyhow::{Context, Result};
 
-use surfel::style::{Style, Tolerance};
+use surfel::style::{Ellipse, Style, SumPrecision, Tolerance};
 use surfel::technique::{Blend, PRESETS, Technique};
 
-use super::super::args::EllipseKind;
 use super::super::camera::Pose;
 use super::super::parse::Input;
 use super::args::SweepArgs;
@@ -51,44 +50,33 @@ pub fn pose(number: u32, views: u32) -> Pose {
 
 /// Every combination for one input, each once.
 pub fn plan(args: &SweepArgs, input: &str, state: &str) -> Vec<Combination> {
-    let techniques: Vec<&str> = PRESETS
-        .iter()
-        .filter(|(_, t)| args.techniques.is_empty() || args.techniques.contains(t))
-        .map(|(name, _)| *name)
-        .collect();
+    let wanted = |t: &Technique| args.techniques.is_empty() || args.techniques.contains(t);
     let tolerances = if args.tolerances.is_empty() { vec![args.look.tolerance] } else { args.tolerances.clone() };
     let mut plan: Vec<Combination> = Vec::new();
-    for &size in &args.sizes {
-        for samples in samples(args) {
-            for view in 0..args.views {
-                for technique in &techniques {
-                    for ellipse in &args.ellipses {
-                        for &scale in &args.scales {
-                            for &tolerance in &tolerances {
-                                // `opaque` has no tolerance.
-                                let opaque = Technique::named(technique).is_some_and(|t| t.blend == Blend::Opaque);
-                                let tolerance = if opaque { 1.0 } else { tolerance };
-                                let combination = Combination {
-                                    input: input.to_owned(),
-                                    input_state: state.to_owned(),
-                                    samples,
-                                    technique: (*technique).to_owned(),
-                                    ellipse: match ellipse {
-                                        EllipseKind::Exact => "exact".to_owned(),
-                                        EllipseKind::Approximate => "approximate".to_owned(),
-                                    },
-                                    scale,
-                                    tolerance,
-                                    sums: "single".to_owned(),
-                                    view: [view, args.views],
-                                    size,
-                                };
-                                if !plan.contains(&combination) {
-                                    plan.push(combination);
-                                }
-                            }
-                        }
-                    }
+    let mut add = |combination: Combination| {
+        if !plan.contains(&combination) {
+            plan.push(combination);
+        }
+    };
+    let choices = [args.ellipses.len(), args.scales.len(), args.sums.len(), tolerances.len()];
+    let places = args.sizes.iter().flat_map(|&size| samples(args).into_iter().map(move |samples| (size, samples)));
+    for (size, samples) in places {
+        for view in 0..args.views {
+            for (name, technique) in PRESETS.iter().filter(|(_, t)| wanted(t)) {
+                for [ellipse, scale, sums, tolerance] in indices(choices) {
+                    add(Combination {
+                        input: input.to_owned(),
+                        input_state: state.to_owned(),
+                        samples,
+                        technique: (*name).to_owned(),
+                        ellipse: args.ellipses[ellipse].name().to_owned(),
+                        scale: args.scales[scale],
+                        // `opaque` has none.
+                        tolerance: if technique.blend == Blend::Opaque { 1.0 } else { tolerances[tolerance] },
+                        sums: args.sums[sums].name().to_owned(),
+                        view: [view, args.views],
+                        size,
+                    });
                 }
             }
         }
@@ -96,14 +84,79 @@ pub fn plan(args: &SweepArgs, input: &str, state: &str) -> Vec<Combination> {
     plan
 }
 
+/// Every combination of indices below these lengths, the last one fastest.
+fn indices<const N: usize>(lengths: [usize; N]) -> Vec<[usize; N]> {
+    lengths.iter().enumerate().fold(vec![[0; N]], |all, (axis, &length)| {
+        let longer = |at: [usize; N]| {
+            (0..length).map(move |i| {
+                let mut at = at;
+                at[axis] = i;
+                at
+            })
+        };
+        all.into_iter().flat_map(longer).collect()
+    })
+}
+
+/// What draws a combination.
 pub fn way(combination: &Combination, style: &Style) -> Result<Way> {
-    let technique = Technique::named(&combination.technique).context("a preset of another version")?;
-    let ellipse = if combination.ellipse == "exact" { EllipseKind::Exact } else { EllipseKind::Approximate };
+    let other = "a name of another version";
     let style = Style {
-        ellipse: ellipse.into(),
+        ellipse: Ellipse::named(&combination.ellipse).context(other)?,
+        sums: SumPrecision::named(&combination.sums).context(other)?,
         radius_scale: combination.scale as f32,
         tolerance: Tolerance { absolute: 0.0, relative: combination.tolerance as f32 },
         ..*style
     };
+    let technique = Technique::named(&combination.technique).context(other)?;
     Ok(Way { combination: combination.clone(), technique, style })
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::super::super::args::{Cli, Command};
+    use super::*;
+
+    fn sweep(more: &str) -> SweepArgs {
+        let line = "surfel bench a.ply -o out".split(' ').chain(more.split_whitespace());
+        match Cli::try_parse_from(line).unwrap().command {
+            Command::Bench(args) => args.sweep,
+            _ => unreachable!("it says bench"),
+        }
+    }
+
+    #[test]
+    fn everything_is_combined_once() {
+        let keys = |more: &str| plan(&sweep(more), "a", "s").iter().map(Combination::key).collect::<Vec<_>>();
+        assert_eq!(keys("").len(), PRESETS.len() * 3);
+        let one = "--techniques flat.two-pass.point --views 1";
+        assert_eq!(keys(one).len(), 1);
+        let all = format!(
+            "{one} --ellipses exact,approximate --scales 0.5,1,2 --sums single,half --tolerances 1,2 --sizes 8x8,9x9 --samples 5,6"
+        );
+        let mut found = keys(&all);
+        assert_eq!(found.len(), 2 * 3 * 2 * 2 * 2 * 2);
+        found.sort();
+        found.dedup();
+        assert_eq!(found.len(), 96, "keys differ");
+        assert_eq!(keys(&format!("{one} --scales 1,1")).len(), 1, "twice the same is once");
+        assert_eq!(
+            keys("--views 1 --techniques flat.opaque.point --tolerances 1,2").len(),
+            1,
+            "opaque has no tolerance"
+        );
+        assert_eq!(indices([2, 1, 2]), [[0, 0, 0], [0, 0, 1], [1, 0, 0], [1, 0, 1]]);
+    }
+
+    #[test]
+    fn a_combination_is_drawn_as_it_is_named() {
+        let args = sweep("--ellipses approximate --sums half --scales 0.5 --tolerances 3");
+        let combination = &plan(&args, "a", "s")[0];
+        let way = way(combination, &Style::default()).unwrap();
+        assert_eq!((way.style.ellipse, way.style.sums), (Ellipse::Approximate, SumPrecision::Half));
+        assert_eq!((way.style.radius_scale, way.style.tolerance.relative), (0.5, 3.0));
+        assert_eq!(way.technique, PRESETS[0].1);
+    }
 }

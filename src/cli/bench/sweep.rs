@@ -145,7 +145,7 @@ impl Bench<'_> {
     }
 
     fn measure(&mut self, scene: Scene, plan: &[Combination], state: String) -> Result<()> {
-        let style = look::style(&self.args.look, scene.shade);
+        let style = look::surface(&self.args.look, scene.shade);
         let original: Vec<Arc<Flat>> = scene.clouds.iter().map(|c| Arc::new(Flat::new(c))).collect();
         let source = Source::new(self.args.truth, &scene, &original)?;
         let mut subject = Subject { scene, source, style, state };
