@@ -97,7 +97,7 @@ mod tests {
         };
         // √2 · 2 · 0.1 is what a slope may do; beyond, columns 3 and 4 are out.
         assert_eq!((stepped(0.28), stepped(0.3), stepped(-0.5)), (35, 25, 25));
-        assert_eq!(stepped(f64::INFINITY), 25, "a hole in the depth");
+        assert_eq!(stepped(f64::INFINITY), 15, "what has no depth has no surface");
         let mut unknown = grey(7, 5, 0.5);
         unknown.depth = Some((0..35).map(|i| if i % 7 < 4 { 1.0 } else { 9.0 }).collect());
         assert_eq!(interior(&unknown, &grey(7, 5, 0.5)).unwrap().pixels, 35, "nobody knows how wide a pixel is");
