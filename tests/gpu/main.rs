@@ -15,6 +15,7 @@ mod host_scene;
 mod host_table;
 mod host_target;
 mod host_targets;
+mod seeded;
 mod selftest;
 mod stress;
 #[path = "../common/vulkan.rs"]
