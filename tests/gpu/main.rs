@@ -8,6 +8,7 @@ mod common;
 mod golden;
 mod harness;
 mod host_contract;
+mod host_depth;
 mod host_engine;
 mod host_faults;
 mod host_frames;
