@@ -18,7 +18,7 @@ pub fn run(args: &CompareArgs) -> Result<Outcome> {
     };
     if let Some(out) = &args.difference {
         if output::is_float(out)? {
-            return Err(Usage(format!("{}: the picture of the error is a PNG", out.display())).into());
+            return Err(Usage(format!("{}: the name of the error's picture must end in .png", out.display())).into());
         }
         for input in [&args.truth, &args.picture] {
             if output::same(input, out) {

@@ -19,7 +19,7 @@ use crate::host_target::{
 };
 
 /// Two spheres, one behind the other and to the side: a transform with rotation, scale and translation.
-fn scene(cloud: CloudId) -> [Instance; 2] {
+pub fn scene(cloud: CloudId) -> [Instance; 2] {
     let beside = DMat4::from_translation(dvec3(0.9, 0.4, -1.5))
         * DMat4::from_rotation_x(0.7)
         * DMat4::from_scale(dvec3(0.5, 0.5, 0.5));
@@ -27,7 +27,7 @@ fn scene(cloud: CloudId) -> [Instance; 2] {
 }
 
 /// One frame of a kind of target, with a renderer of its own.
-fn show(engine: &Engine, kind: Kind, views: &[View], technique: Technique, look: impl FnOnce(&Target)) {
+pub fn show(engine: &Engine, kind: Kind, views: &[View], technique: Technique, look: impl FnOnce(&Target, CloudId)) {
     let target = Target::new(engine, kind);
     // SAFETY: the handles belong together and outlive the renderer; so does the render pass.
     let mut renderer = unsafe { Renderer::new(engine.host(), target.formats()) }.expect("a renderer");
@@ -48,7 +48,7 @@ fn show(engine: &Engine, kind: Kind, views: &[View], technique: Technique, look:
     let (drawn, culled) = (stats[0].points_drawn.unwrap(), stats[0].culled.unwrap());
     assert_eq!(stats[0].points_submitted, 2 * 1500 * views.len() as u64);
     assert_eq!(stats[0].points_submitted, drawn + culled.total(), "{:?}", stats[0]);
-    look(&target);
+    look(&target, cloud);
     // SAFETY: the only frame is complete.
     unsafe { renderer.destroy() };
     target.destroy(engine);
@@ -58,7 +58,7 @@ fn show(engine: &Engine, kind: Kind, views: &[View], technique: Technique, look:
 fn plain(engine: &Engine, views: &[View], technique: Technique) -> Vec<Vec<[f32; 4]>> {
     let mut pictures = Vec::new();
     for view in views {
-        show(engine, PLAIN, std::slice::from_ref(view), technique, |t| pictures.push(t.picture(0)));
+        show(engine, PLAIN, std::slice::from_ref(view), technique, |t, _| pictures.push(t.picture(0)));
     }
     for picture in &pictures {
         let covered = picture.iter().filter(|p| p[3] > 0.0).count();
@@ -205,7 +205,7 @@ fn every_kind_of_target_gets_the_same_picture() {
                         };
                         let cameras: Vec<_> =
                             (0..views).map(|side| camera(side, lenses[lens], convention, aspect)).collect();
-                        show(engine, kind, &cameras, technique, |t| check(t, &cameras, &shots[lens]));
+                        show(engine, kind, &cameras, technique, |t, _| check(t, &cameras, &shots[lens]));
                         case += 1;
                     }
                 }
@@ -229,7 +229,7 @@ fn every_technique_composites_into_a_host_with_depth() {
                 crate::vulkan::hash(&format!("host.{name}.view{view}"), &picture);
             }
             println!("{name}");
-            show(engine, kind, &cameras, *technique, |t| check(t, &cameras, &shots));
+            show(engine, kind, &cameras, *technique, |t, _| check(t, &cameras, &shots));
         }
     });
 }
@@ -263,7 +263,7 @@ fn both_depth_conventions_tell_the_same_depth() {
         for convention in [DepthConvention::Reversed, DepthConvention::Standard] {
             let kind = Kind { depth: Depth::Tested, convention, ..PLAIN };
             let view = camera(0, Lens::Straight, convention, 4.0 / 3.0);
-            show(engine, kind, &[view], Technique::default(), |t| {
+            show(engine, kind, &[view], Technique::default(), |t, _| {
                 let depths = (0..48).flat_map(|y| (0..64).map(move |x| (x, y)));
                 fronts.push(depths.map(|(x, y)| view.linear_depth(t.depth(0, x, y) as f64)).collect());
             });

@@ -8,6 +8,7 @@ mod common;
 mod golden;
 mod harness;
 mod host_contract;
+mod host_depth;
 mod host_engine;
 mod host_faults;
 mod host_frames;
@@ -16,6 +17,7 @@ mod host_table;
 mod host_target;
 mod host_targets;
 mod raw;
+mod seeded;
 mod selftest;
 mod stress;
 #[path = "../common/vulkan.rs"]

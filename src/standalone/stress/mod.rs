@@ -13,6 +13,7 @@
 
 mod invariance;
 mod lenses;
+mod random;
 mod run;
 mod scenes;
 mod splats;
@@ -28,6 +29,7 @@ use crate::select::View;
 use crate::style::Style;
 use crate::technique::{Blend, Technique};
 
+pub use random::random;
 pub use run::{Outcome, draw, judge, reference, run};
 pub use sums::heap_on_a_pixel;
 

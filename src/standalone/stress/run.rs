@@ -183,7 +183,9 @@ fn depths(outcome: &mut Outcome, case: &Case, picture: &Picture, expected: &refe
     for (i, front) in expected.depth.iter().enumerate().filter(|(i, d)| d.is_finite() && !expected.ties[*i]) {
         // Standard depth is 1 − near / z and little more: its constant, above 1 with a finite far plane, is rounded by
         // 2⁻²⁴, the value below 1 by 2⁻²⁵.
+        // Orthographic depth has steps of the whole range, wherever it is.
         let step = match view.depth {
+            _ if !view.is_perspective() => 2.0 * (view.far() - view.near()) / front.abs() / f64::from(1 << 24),
             DepthConvention::Reversed => 0.0,
             DepthConvention::Standard => 1.5 * front / view.near() / f64::from(1 << 24),
         };
