@@ -12,6 +12,8 @@ mod attributes_normals;
 mod attributes_radii;
 mod attributes_shapes;
 mod golden;
+#[path = "../common/golden.rs"]
+mod kept;
 mod load_bad;
 mod load_files;
 mod load_las;

@@ -16,6 +16,8 @@ mod host_scene;
 mod host_table;
 mod host_target;
 mod host_targets;
+#[path = "../common/golden.rs"]
+mod kept;
 mod seeded;
 mod selftest;
 mod stress;

@@ -191,11 +191,11 @@ fn depths(outcome: &mut Outcome, case: &Case, picture: &Picture, expected: &refe
         };
         let error = (view.linear_depth(depths[i].into()) / front - 1.0).abs() / scale(expected.sensitivity[i]) - step;
         // Also where it is not a number.
-        if !(error <= worst.0) {
+        if error > worst.0 || error.is_nan() {
             worst = (error, i);
         }
     }
-    if !(worst.0 <= case.depth_bound) {
+    if worst.0 > case.depth_bound || worst.0.is_nan() {
         let (error, i) = worst;
         let at = (i as u32 % case.size[0], i as u32 / case.size[0]);
         outcome.faults.push(format!("depth off by {error:.2e} of {} at {at:?}", expected.depth[i]));
