@@ -85,7 +85,7 @@ impl Camera {
 
     /// Width of a pixel at a linear depth, across the picture's centre, the wider of its two sides \[world units\].
     pub fn pixel_width(&self, depth: f64) -> f64 {
-        let focal = self.rows[0].truncate().length().min(self.rows[1].truncate().length());
+        let focal = dvec2(self.rows[0].x, self.rows[0].y).length().min(dvec2(self.rows[1].x, self.rows[1].y).length());
         self.w(DVec3::new(0.0, 0.0, -depth)).abs() / focal
     }
 

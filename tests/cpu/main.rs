@@ -24,3 +24,4 @@ mod reference_common;
 mod reference_fragments;
 mod reference_light;
 mod reference_oracle;
+mod reference_sensitivity;
