@@ -61,9 +61,9 @@ mod tests {
         let fine = x - (s.about + coarse);
         let dot = |r: [f32; 4], v: Vec3, one: f32| ((r[0] * v.x + r[1] * v.y) + r[2] * v.z) + r[3] * one;
         let hi = s.hi.map(|r| dot(r, coarse, 1.0));
-        for i in 0..3 {
-            let exact: f64 = (0..3).map(|k| s.hi[i][k] as f64 * coarse[k] as f64).sum::<f64>() + s.hi[i][3] as f64;
-            assert_eq!(hi[i] as f64, exact, "row {i} of {x}");
+        for (row, got) in s.hi.iter().zip(hi) {
+            let exact: f64 = (0..3).map(|k| row[k] as f64 * coarse[k] as f64).sum::<f64>() + row[3] as f64;
+            assert_eq!(got as f64, exact, "{row:?} of {x}");
         }
         let lo: [f32; 3] = std::array::from_fn(|i| dot(s.hi[i], fine, 0.0) + dot(s.lo[i], from, 1.0));
         let w = hi[2] + lo[2];

@@ -86,7 +86,8 @@ impl Camera {
 
     /// Width of a pixel at a linear depth, across the picture's centre, the wider of its two sides \[world units\].
     pub fn width_at(&self, depth: f64) -> f64 {
-        let focal = self.rows[0].truncate().length().min(self.rows[1].truncate().length());
+        let [x, y] = [0, 1].map(|i| dvec2(self.rows[i].x, self.rows[i].y).length());
+        let focal = x.min(y);
         self.w(DVec3::new(0.0, 0.0, -depth)).abs() / focal
     }
 

@@ -1,6 +1,7 @@
 //! Pictures of the f64 reference that are kept: they hold reference and device against drifting together.
 //!
 //! `SURFEL_BLESS=1` writes them anew (`cargo test --test cpu golden`); look at what changed before it is committed.
+#![allow(dead_code)]
 
 use std::path::{Path, PathBuf};
 

@@ -3,8 +3,7 @@
 use surfel::readback::Picture;
 use surfel::standalone::stress;
 
-#[path = "../common/golden.rs"]
-mod golden;
+use crate::kept as golden;
 
 /// As the device would hand it over.
 fn reference(case: &stress::Case) -> Picture {

@@ -12,6 +12,8 @@ mod attributes_normals;
 mod attributes_radii;
 mod attributes_shapes;
 mod golden;
+#[path = "../common/golden.rs"]
+mod kept;
 mod load_bad;
 mod load_files;
 mod load_las;
@@ -23,5 +25,6 @@ mod reference_common;
 mod reference_fragments;
 mod reference_light;
 mod reference_oracle;
+mod reference_sensitivity;
 mod reference_supersampled;
 mod reference_truth;

@@ -2,10 +2,8 @@
 
 use surfel::standalone::stress;
 
+use crate::kept as golden;
 use crate::vulkan;
-
-#[path = "../common/golden.rs"]
-mod golden;
 
 #[test]
 fn the_device_draws_the_kept_pictures() {

@@ -1,6 +1,7 @@
 //! Tests with Vulkan.
 
 mod against_reference;
+mod bench;
 mod canary;
 mod cli;
 #[path = "../common/mod.rs"]
@@ -16,6 +17,8 @@ mod host_scene;
 mod host_table;
 mod host_target;
 mod host_targets;
+#[path = "../common/golden.rs"]
+mod kept;
 mod raw;
 mod seeded;
 mod selftest;

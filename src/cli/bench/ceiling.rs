@@ -20,6 +20,9 @@ use super::record::{Combination, Record};
 /// Points that the mean footprint is taken of, at least, where there are so many.
 const FOOTPRINTS: usize = 10_000;
 
+/// More points than these only take longer: the rate no longer changes.
+const MOST_POINTS: u32 = 4_000_000;
+
 /// A raw case at one size of picture.
 #[derive(Debug, Clone, Serialize)]
 pub struct Ceiling {
@@ -27,6 +30,8 @@ pub struct Ceiling {
     pub case: String,
     /// \[px\]
     pub size: [u32; 2],
+    /// As many as the technique submitted.
+    pub points: u64,
     /// Points a second, a value a round.
     pub points_per_second: Vec<f64>,
 }
@@ -51,32 +56,34 @@ fn case(combination: &Combination, footprint: f64) -> Option<Case> {
     })
 }
 
-/// Measures what the records need, each case once a size.
-pub fn measure(
-    standalone: &Standalone,
-    records: &[Record],
-    points: u32,
-    rounds: u32,
-    progress: &Progress,
-) -> Result<Vec<Ceiling>> {
-    let mut wanted: Vec<([u32; 2], Vec<Case>)> = Vec::new();
+/// Measures what the records need, each case once for a size and number of points.
+pub fn measure(standalone: &Standalone, records: &[Record], rounds: u32, progress: &Progress) -> Result<Vec<Ceiling>> {
+    let mut wanted: Vec<(raw::Setup, Vec<Case>)> = Vec::new();
     for record in records {
-        let size = record.combination.size;
-        let fits = size.iter().all(|side| (raw::LARGEST..=65_535).contains(side)) && standalone.enabled.timestamps;
-        let Some(case) = case(&record.combination, record.footprint).filter(|_| fits) else { continue };
-        match wanted.iter_mut().find(|(s, _)| *s == size) {
+        let extent = record.combination.size;
+        let Some(case) = case(&record.combination, record.footprint) else { continue };
+        let fits = extent.iter().all(|side| (raw::LARGEST..=65_535).contains(side)) && standalone.enabled.timestamps;
+        let points = u32::try_from(record.points_submitted).unwrap_or(0).min(MOST_POINTS);
+        if !fits || points == 0 {
+            continue;
+        }
+        let setup = raw::Setup { points, extent, rounds };
+        match wanted.iter_mut().find(|(s, _)| *s == setup) {
             Some((_, cases)) if cases.contains(&case) => {}
             Some((_, cases)) => cases.push(case),
-            None => wanted.push((size, vec![case])),
+            None => wanted.push((setup, vec![case])),
         }
     }
     let mut ceilings = Vec::new();
-    for (size, cases) in wanted {
+    for (setup, cases) in wanted {
         let step = progress.step("ceilings", 1);
-        let setup = raw::Setup { points, extent: size, rounds };
         for measured in raw::measure(standalone, &cases, &setup, |done, total| step.set(done, total))? {
-            let points_per_second = measured.points_per_second();
-            ceilings.push(Ceiling { case: measured.case.to_string(), size, points_per_second });
+            ceilings.push(Ceiling {
+                case: measured.case.to_string(),
+                size: setup.extent,
+                points: setup.points as u64,
+                points_per_second: measured.points_per_second(),
+            });
         }
     }
     Ok(ceilings)
@@ -85,7 +92,9 @@ pub fn measure(
 /// Points a second that the device could do for this record, median.
 pub fn of(record: &Record, ceilings: &[Ceiling]) -> Option<f64> {
     let name = case(&record.combination, record.footprint)?.to_string();
-    let ceiling = ceilings.iter().find(|c| c.case == name && c.size == record.combination.size)?;
+    let points = record.points_submitted.min(MOST_POINTS as u64);
+    let size = record.combination.size;
+    let ceiling = ceilings.iter().find(|c| c.case == name && c.size == size && c.points == points)?;
     Summary::of(&ceiling.points_per_second).map(|s| s.median)
 }
 

@@ -31,9 +31,6 @@ use super::truth::{self, Source};
 /// Counted as different: more than this, of 255.
 const TOLERANCE: u8 = 1;
 
-/// Points of a ceiling: enough that a pass outweighs its set-up.
-const CEILING_POINTS: u32 = 1_000_000;
-
 /// What came out.
 pub struct Sweep {
     pub device: DeviceInfo,
@@ -84,7 +81,7 @@ pub fn run(args: &SweepArgs, out: &Path, progress: &Progress) -> Result<Sweep> {
     let done: Result<_> = (|| {
         let inputs = args.inputs.iter().map(|input| bench.input(input)).collect::<Result<Vec<_>>>()?;
         let records = inputs.concat();
-        let ceilings = ceiling::measure(bench.off.standalone(), &records, CEILING_POINTS, args.rounds, progress)?;
+        let ceilings = ceiling::measure(bench.off.standalone(), &records, args.rounds, progress)?;
         let stress = if args.stress { Some(bench.stress()?) } else { None };
         Ok((records, ceilings, stress))
     })();

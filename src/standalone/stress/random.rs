@@ -40,7 +40,9 @@ impl Dice {
 pub fn random(seed: u64) -> Case {
     let mut dice = Dice(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(1));
     // The first draws of neighbouring seeds are alike.
-    (0..8).for_each(|_| drop(dice.unit()));
+    for _ in 0..8 {
+        dice.unit();
+    }
     let technique = dice.one(PRESETS).1;
     let size = [dice.between(20.0, 180.0) as u32, dice.between(20.0, 140.0) as u32];
     let unit = dice.scale(1e-3, 1e3);
