@@ -173,7 +173,7 @@ fn points_without_faces_are_judged_by_all_of_them() {
     // Disks of half the radius leave holes.
     let holes = |i: usize| records[i]["errors"]["holes"].as_u64().expect("holes");
     assert!(holes(1) > holes(0), "{} {}", holes(0), holes(1));
-    refused(&[&sweep[..], &["--truth", "mesh"]].concat(), 1, "look");
+    refused(&[&sweep[..], &["--truth", "mesh"]].concat(), 1, "truth was");
 }
 
 #[test]
