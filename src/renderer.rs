@@ -209,6 +209,7 @@ impl Renderer {
         let mut views = Vec::new();
         for camera in &cameras {
             let mut draws = Vec::new();
+            let pairs = camera.needs_pairs(input.extent);
             for (i, (instance, cloud_traits)) in input.instances.iter().zip(&traits).enumerate() {
                 let flat = &self.cloud(instance).flat;
                 let block = camera.draw_params(
@@ -243,8 +244,9 @@ impl Renderer {
                     .filter(|(_, b)| may_be_large(b))
                     .map(|(i, _)| i)
                     .collect();
-                let variant =
-                    |large| Variant::new(Role::Visibility, &plan, input.style, &cloud_traits, &targets_plan, large);
+                let variant = |large| {
+                    Variant::new(Role::Visibility, &plan, input.style, &cloud_traits, &targets_plan, large, pairs)
+                };
                 draws.push(Draw {
                     cloud: i,
                     params: (params.len() as u64 * PARAMS_STRIDE) as u32,

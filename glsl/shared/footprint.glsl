@@ -8,8 +8,11 @@ const float MISS = 1e30;
 // Returns u² (more than 1: nothing here) and the linear depth.
 float footprint(vec2 fragment, out float z) {
     z = v_centre.z;
-    // The first difference is exact.
-    vec2 d = (fragment - v_centre.xy) - v_plane.zw;
+    vec2 d = fragment - v_centre.xy;
+    if (PAIRS) {
+        // The first difference was exact.
+        d -= v_plane.zw;
+    }
     if (FOOTPRINT == FOOTPRINT_PIXELS) {
         return max(abs(d.x), abs(d.y)) <= 0.5 * params.pixel_size ? 0.0 : MISS;
     }

@@ -36,6 +36,7 @@ layout(constant_id = 2) const bool CULL_BACK = false;
 layout(constant_id = 3) const bool HAS_NORMAL = true;
 layout(constant_id = 4) const bool HAS_COLOR = true;
 layout(constant_id = 6) const bool CASTS = false;       // what comes near the eye is bounded: LARGE, and counting
+layout(constant_id = 7) const bool PAIRS = false;       // projected centres in pairs of floats: see pixel.glsl
 layout(constant_id = 5) const bool LARGE = false;       // draws the splats that a sprite cannot hold, and only those
 
 bool is_perspective() { return params.depth_map.z != 0.0; }

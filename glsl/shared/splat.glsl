@@ -123,7 +123,7 @@ Splat project(vec4 geometry, uint normal_code) {
     float w = 1.0;
     bool centre_visible = s.depth >= params.near;
     if (centre_visible) {
-        pixel_of(geometry.xyz, s.whole, s.rest, w);
+        pixel_of(geometry.xyz, s.centre, s.whole, s.rest, w);
         s.pixel = s.whole + s.rest;
     }
     if (FOOTPRINT == FOOTPRINT_PIXELS) {

@@ -62,6 +62,8 @@ pub struct Variant {
     pub colors: bool,
     /// LARGE.
     pub large: bool,
+    /// PAIRS.
+    pub pairs: bool,
     /// The second attachment, of normals and the front's depth, is there.
     pub surface: bool,
     /// Formats of the attachments by location.
@@ -69,7 +71,8 @@ pub struct Variant {
 }
 
 impl Variant {
-    /// The variant that draws a cloud in a pass. `large`: only what sprites cannot hold, as quads.
+    /// The variant that draws a cloud in a pass. `large`: only what sprites cannot hold, as quads. `pairs`: as
+    /// [`Camera::needs_pairs`](super::params::Camera::needs_pairs) says.
     pub fn new(
         role: Role,
         plan: &FramePlan,
@@ -77,6 +80,7 @@ impl Variant {
         cloud: &CloudTraits,
         targets: &TargetPlan,
         large: bool,
+        pairs: bool,
     ) -> Variant {
         Variant {
             role,
@@ -87,6 +91,7 @@ impl Variant {
             normals: cloud.normals,
             colors: cloud.colors,
             large,
+            pairs,
             surface: targets.surface,
             formats: targets.formats(),
         }
@@ -102,6 +107,7 @@ impl Variant {
             (self.colors && self.role != Role::Visibility) as u32,
             self.large as u32,
             (self.large || self.role == Role::Count) as u32,
+            self.pairs as u32,
         ];
         let attachments = if self.surface { 2 } else { 1 };
         let accumulate = if self.surface { &spirv::DRAW_ACCUMULATE_SURFACE_FRAG } else { &spirv::DRAW_ACCUMULATE_FRAG };
