@@ -195,11 +195,19 @@ fn fit(cloud: &PointCloud, options: &Options, given: Option<&[Vec3]>) -> Fitted 
     let k = clamped(options.neighbours);
     let visit = |rank: usize, found: &[Neighbour], out: &mut Work| {
         let p = tree.position(rank);
+        // The other side of a thin part is no neighbour on the surface, unless too few are left to tell.
+        let own_side = |n: &&Neighbour| match given {
+            Some(normals) if cloud.closed => normals[tree.index(n.rank())].dot(normals[tree.index(rank)]) >= 0.0,
+            _ => true,
+        };
+        let all = found.iter().filter(own_side).count() < radii::K;
         let mut offsets = [Vec3::ZERO; MAX_NEIGHBOURS];
-        for (offset, n) in offsets.iter_mut().zip(found) {
-            *offset = tree.position(n.rank()) - p;
+        let mut count = 0;
+        for n in found.iter().filter(|n| all || own_side(n)) {
+            offsets[count] = tree.position(n.rank()) - p;
+            count += 1;
         }
-        let offsets = &offsets[..found.len()];
+        let offsets = &offsets[..count];
         out.normal = match given {
             Some(normals) => normals[tree.index(rank)],
             None => normals::plane_normal(&offsets[..k.min(offsets.len())], p.abs().max_element()),
