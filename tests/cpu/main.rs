@@ -3,6 +3,7 @@
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
+mod convergence;
 
 mod arrows;
 mod attributes_degenerate;
