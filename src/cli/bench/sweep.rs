@@ -134,11 +134,17 @@ impl Bench<'_> {
         let name = plan::name(input);
         let state = plan::state(input)?;
         let plan = plan::plan(self.args, &name, &state);
-        if plan.iter().any(|c| self.journal.get(&c.key()).is_none()) {
+        if plan.iter().any(|c| self.finished(c).is_none()) {
             let scene = Scene::load(std::slice::from_ref(input), &self.args.lens, &self.args.look, self.progress)?;
             self.measure(scene, &plan, format!("{name} {state}")).with_context(|| name.clone())?;
         }
-        Ok(plan.iter().filter_map(|c| self.journal.get(&c.key()).cloned()).collect())
+        Ok(plan.iter().filter_map(|c| self.finished(c).cloned()).collect())
+    }
+
+    /// The record of a combination, where nothing of it is missing: the report shows its pictures.
+    fn finished(&self, combination: &Combination) -> Option<&Record> {
+        let there = |r: &&Record| [&r.picture, &r.truth_file].iter().all(|file| self.out.join(file).is_file());
+        self.journal.get(&combination.key()).filter(there)
     }
 
     fn measure(&mut self, scene: Scene, plan: &[Combination], state: String) -> Result<()> {
@@ -146,17 +152,18 @@ impl Bench<'_> {
         let original: Vec<Arc<Flat>> = scene.clouds.iter().map(|c| Arc::new(Flat::new(c))).collect();
         let source = Source::new(self.args.truth, &scene, &original)?;
         let mut subject = Subject { scene, source, style, state };
-        let mut sizes = self.args.sizes.clone();
-        sizes.dedup();
         for samples in plan::samples(self.args) {
+            if plan.iter().all(|c| c.samples != samples || self.finished(c).is_some()) {
+                continue;
+            }
             let flats = match samples {
                 None => original.clone(),
                 Some(n) => self.sampled(&subject.scene, n)?,
             };
             let drawn = self.add(flats)?;
-            for &size in &sizes {
+            for &size in &self.args.sizes {
                 let missing =
-                    |c: &&Combination| c.samples == samples && c.size == size && self.journal.get(&c.key()).is_none();
+                    |c: &&Combination| c.samples == samples && c.size == size && self.finished(c).is_none();
                 let pending: Vec<&Combination> = plan.iter().filter(missing).collect();
                 if !pending.is_empty() {
                     self.size(size, &mut subject, &drawn, &pending)?;
