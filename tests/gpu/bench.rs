@@ -165,6 +165,7 @@ fn a_sweep_is_judged_kept_and_gone_on_with() {
     refused(&[&sweep[..], &["--shade", "none"]].concat(), 1, "look was");
     let more = folder.path("more");
     let old = format!("{out}/results.json");
+    refused(&[&sweep[..], &["--baseline", &old]].concat(), 1, "would be overwritten");
     let against = [&sweep[..3], &[&more], &sweep[4..], &["--baseline", &old]].concat();
     let said = done(&against);
     assert!(said.contains("8 cases compared") && !said.contains("WARNING"), "{said}");
@@ -201,6 +202,9 @@ fn what_cannot_be_measured_is_refused() {
     );
     refused(&bench(&["--techniques", "nothing"]), 2, "nothing");
     refused(&bench(&["--sizes", "0x5"]), 2, "--sizes");
+    refused(&bench(&["--sizes", "4000000000x4000000000"]), 1, "of memory");
+    refused(&bench(&["--samples", "4000000000"]), 2, "--samples");
+    refused(&bench(&["scene:sphere:1k"]), 2, "scene:sphere:1000:1");
     refused(&["bench", "--out", &out], 2, "INPUT");
     refused(&["bench", &folder.path("none.ply"), "--out", &out], 1, "none.ply");
     let broken = folder.path("old.json");
