@@ -150,10 +150,22 @@ fn a_sweep_is_judged_kept_and_gone_on_with() {
     assert!(after.lines().take(kept).eq(before.lines().take(kept)), "what was whole is as it was");
     assert_eq!(results(&out)["records"].as_array().expect("records").len(), 8);
 
+    // What was deleted or broken is made again, with all that was judged by it.
+    let text = |key: &str| format!("{out}/{}", records[0][key].as_str().expect("a name"));
+    let (picture, truth) = (text("picture"), text("truth_file"));
+    let whole = fs::read(&truth).expect("a truth");
+    fs::remove_file(&picture).expect("a picture");
+    fs::write(&truth, &whole[..whole.len() / 2]).expect("half a truth");
+    done(&sweep);
+    assert!(fs::metadata(&picture).is_ok() && fs::read(&truth).expect("a truth") == whole);
+    assert_eq!(fs::read_to_string(&journal).expect("a journal").lines().count(), after.lines().count() + 1);
+    assert_eq!(results(&out)["records"].as_array().expect("records").len(), 8);
+
     // Another look is another bench; so says the folder.
     refused(&[&sweep[..], &["--shade", "none"]].concat(), 1, "look was");
     let more = folder.path("more");
     let old = format!("{out}/results.json");
+    refused(&[&sweep[..], &["--baseline", &old]].concat(), 1, "would be overwritten");
     let against = [&sweep[..3], &[&more], &sweep[4..], &["--baseline", &old]].concat();
     let said = done(&against);
     assert!(said.contains("8 cases compared") && !said.contains("WARNING"), "{said}");
@@ -190,6 +202,9 @@ fn what_cannot_be_measured_is_refused() {
     );
     refused(&bench(&["--techniques", "nothing"]), 2, "nothing");
     refused(&bench(&["--sizes", "0x5"]), 2, "--sizes");
+    refused(&bench(&["--sizes", "4000000000x4000000000"]), 1, "of memory");
+    refused(&bench(&["--samples", "4000000000"]), 2, "--samples");
+    refused(&bench(&["scene:sphere:1k"]), 2, "scene:sphere:1000:1");
     refused(&["bench", "--out", &out], 2, "INPUT");
     refused(&["bench", &folder.path("none.ply"), "--out", &out], 1, "none.ply");
     let broken = folder.path("old.json");

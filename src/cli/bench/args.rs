@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::super::args::{LensArgs, LookArgs, axis, inputs};
-use super::super::parse::{self, Input};
+use super::super::parse::{self, Input, MAX_POINTS};
 use surfel::style::{Ellipse, SumPrecision};
 use surfel::technique::{PRESETS, Technique};
 
@@ -67,7 +67,7 @@ pub struct SweepArgs {
     #[arg(long, value_name = "REL,…", value_delimiter = ',', value_parser = parse::not_negative)]
     pub tolerances: Vec<f64>,
     /// Numbers of points: the faces are sampled evenly so often, instead of drawing the vertices.
-    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=MAX_POINTS as i64))]
     pub samples: Vec<u32>,
     /// What the pictures are judged by.
     #[arg(long, value_enum, default_value = "auto")]

@@ -89,9 +89,14 @@ pub fn measure(standalone: &Standalone, records: &[Record], rounds: u32, progres
     Ok(ceilings)
 }
 
+/// Of the case that is this record's ceiling.
+pub fn name(record: &Record) -> Option<String> {
+    Some(case(&record.combination, record.footprint)?.to_string())
+}
+
 /// Points a second that the device could do for this record, median.
 pub fn of(record: &Record, ceilings: &[Ceiling]) -> Option<f64> {
-    let name = case(&record.combination, record.footprint)?.to_string();
+    let name = name(record)?;
     let points = record.points_submitted.min(MOST_POINTS as u64);
     let size = record.combination.size;
     let ceiling = ceilings.iter().find(|c| c.case == name && c.size == size && c.points == points)?;

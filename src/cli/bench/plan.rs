@@ -1,5 +1,6 @@
 //! What is measured: every value of every list with every other.
 
+use std::collections::HashSet;
 use std::fs;
 
 use anyhow::{Context, Result};
@@ -7,6 +8,7 @@ use anyhow::{Context, Result};
 use surfel::style::{Ellipse, Style, SumPrecision, Tolerance};
 use surfel::technique::{Blend, PRESETS, Technique};
 
+use super::super::Usage;
 use super::super::camera::Pose;
 use super::super::parse::Input;
 use super::args::SweepArgs;
@@ -27,12 +29,21 @@ pub fn name(input: &Input) -> String {
     }
 }
 
+/// Results tell inputs apart by their names alone.
+pub fn distinct(inputs: &[Input]) -> Result<(), Usage> {
+    let mut known = HashSet::new();
+    match inputs.iter().map(name).find(|name| !known.insert(name.clone())) {
+        Some(name) => Err(Usage(format!("two inputs are called {name}: their results could not be told apart"))),
+        None => Ok(()),
+    }
+}
+
 /// What changes with an input's content.
 pub fn state(input: &Input) -> Result<String> {
     let Input::File(path) = input else { return Ok("made".into()) };
     let about = fs::metadata(path).with_context(|| path.display().to_string())?;
     let time = about.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
-    Ok(format!("{} bytes, time {}", about.len(), time.map_or(0, |t| t.as_secs())))
+    Ok(format!("{} bytes, time {}", about.len(), time.map_or(0, |t| t.as_nanos())))
 }
 
 pub fn samples(args: &SweepArgs) -> Vec<Option<u32>> {
@@ -53,8 +64,9 @@ pub fn plan(args: &SweepArgs, input: &str, state: &str) -> Vec<Combination> {
     let wanted = |t: &Technique| args.techniques.is_empty() || args.techniques.contains(t);
     let tolerances = if args.tolerances.is_empty() { vec![args.look.tolerance] } else { args.tolerances.clone() };
     let mut plan: Vec<Combination> = Vec::new();
+    let mut known = HashSet::new();
     let mut add = |combination: Combination| {
-        if !plan.contains(&combination) {
+        if known.insert(combination.key()) {
             plan.push(combination);
         }
     };
@@ -148,6 +160,15 @@ mod tests {
             "opaque has no tolerance"
         );
         assert_eq!(indices([2, 1, 2]), [[0, 0, 0], [0, 0, 1], [1, 0, 0], [1, 0, 1]]);
+    }
+
+    #[test]
+    fn inputs_of_one_name_are_refused() {
+        let scene = |seed| Input::Scene { name: "torus".into(), points: 9, seed };
+        let file = |path: &str| Input::File(path.into());
+        assert!(distinct(&[file("a/x.ply"), file("a/y.ply"), scene(1), scene(2)]).is_ok());
+        assert!(distinct(&[file("a/x.ply"), scene(1), file("b/x.ply")]).unwrap_err().0.contains("x.ply"));
+        assert!(distinct(&[scene(1), scene(1)]).is_err());
     }
 
     #[test]

@@ -30,10 +30,7 @@ pub fn run(args: &RawArgs) -> Result<Outcome> {
     }
     let before = args.baseline.as_deref().map(|path| baseline::read(path, parse)).transpose()?;
     if let Some(out) = &args.out {
-        if let Some(old) = args.baseline.as_ref().filter(|old| output::same(old, out)) {
-            bail!("{}: is the baseline, and would be overwritten", old.display());
-        }
-        output::check(out)?;
+        super::writable(out, args.baseline.as_deref())?;
     }
     let standalone = Standalone::new(&Options { device: args.device.clone(), ..Options::default() })?;
     fits(&standalone.info, &setup)?;

@@ -14,9 +14,9 @@ use super::baseline::{self, Run};
 /// Everything that distinguishes one measurement from another of the same sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Combination {
-    /// The input as it was given.
+    /// The file's name without its folder, or the scene.
     pub input: String,
-    /// Changes with the input's content: length and time of the file, or points and seed of the scene.
+    /// Changes with the input's content: length and time of the file.
     pub input_state: String,
     /// Points that the faces were sampled at; none where the vertices themselves are drawn.
     pub samples: Option<u32>,
@@ -116,14 +116,17 @@ pub fn parse(report: &Value) -> Option<Run> {
 }
 
 /// The same of records in memory. A case is named without what tells one input's state from another's: to compare with
-/// what was there before is the point.
+/// what was there before is the point. Its samples are one a round, the median of the round's frames: frames that follow
+/// each other share what disturbs them, and taken for independent would make the interval too narrow.
 pub fn run(common: &Value, records: &[Record]) -> Result<Run> {
     let setting =
         baseline::setting(common, &["device", "driver", "look", "lens"]).context("device, driver, look, lens")?;
+    let frames = common["frames"].as_u64().filter(|n| *n > 0).context("frames")? as usize;
+    let rounds = |times: &[f64]| times.chunks(frames).filter_map(Summary::of).map(|s| s.median).collect();
     let case = |r: &Record| {
         let Combination { input, view: [view, views], size: [width, height], .. } = &r.combination;
         let name = format!("{input} {} view {}/{views} {width}x{height}", r.combination.way(), view + 1);
-        Samples { name, values: r.times().to_vec() }
+        Samples { name, values: rounds(r.times()) }
     };
     Ok(Run { setting, cases: records.iter().map(case).collect() })
 }
@@ -254,6 +257,16 @@ pub mod tests {
         // The quoted comma is one more.
         assert_eq!(lines[1].matches(',').count(), lines[0].matches(',').count() + 1);
         assert!(lines[1].contains(",0.25,,"), "RMSE, then no PSNR: {}", lines[1]);
+    }
+
+    #[test]
+    fn a_round_is_one_sample() {
+        let mut r = record("t", 1.0, 0.25);
+        r.gpu_ms = vec![1.0, 3.0, 2.0, 6.0, 5.0, 4.0];
+        let mut common = json!({"device": "d", "driver": "1", "look": "", "lens": "", "frames": 3});
+        assert_eq!(run(&common, &[r.clone()]).unwrap().cases[0].values, [2.0, 5.0]);
+        common["frames"] = json!(0);
+        assert!(run(&common, &[r]).is_err());
     }
 
     #[test]

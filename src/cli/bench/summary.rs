@@ -21,7 +21,8 @@ pub struct Point {
     pub frame_ms: f64,
     /// Points submitted a second \[millions\].
     pub rate: f64,
-    /// What the device could do at best with as many points of that size; `None` where that is not known.
+    /// What the device could do at best with as many points of that size, over the same views \[millions a second\]; `None`
+    /// where that is not known for each of them.
     pub ceiling: Option<f64>,
     /// Root of the mean over the views of the squared RMSE.
     pub rmse: f64,
@@ -69,7 +70,9 @@ fn point(scene: String, way: String, group: &[&Record], ceilings: &[Ceiling]) ->
     let sum: fn(&[f64]) -> f64 = |v| v.iter().sum();
     let first = (*group.first()?).clone();
     let ms = (n > 0.0).then(|| mean(|s| s.median))?;
-    let submitted = group.iter().map(|r| r.points_submitted as f64).sum::<f64>() / group.len() as f64;
+    let submitted = group.iter().map(|r| r.points_submitted as f64).sum::<f64>();
+    // Times are added, not rates, here as in `rate`: their quotient is a share of the device's time.
+    let at_best: Option<f64> = group.iter().map(|r| Some(r.points_submitted as f64 / ceiling::of(r, ceilings)?)).sum();
     let mut plain = first.combination.clone();
     let samples = plain.samples.take();
     Some(Point {
@@ -78,8 +81,8 @@ fn point(scene: String, way: String, group: &[&Record], ceilings: &[Ceiling]) ->
         ms,
         quartiles: [mean(|s| s.lower), mean(|s| s.upper)],
         frame_ms: frames.iter().map(|s| s.median).sum::<f64>() / frames.len() as f64,
-        rate: submitted / ms * 1e-3,
-        ceiling: some(group.iter().filter_map(|r| ceiling::of(r, ceilings)).collect(), average).map(|c| c * 1e-6),
+        rate: submitted / group.len() as f64 / ms * 1e-3,
+        ceiling: at_best.map(|seconds| submitted / seconds * 1e-6),
         rmse: some(errors("rmse"), square)?,
         interior: some(errors("rmse_interior"), square),
         flip: some(errors("flip"), average),
@@ -159,7 +162,24 @@ mod tests {
         // 10 points in 2 ms on average: 5000 a second.
         assert!((points[0].rate - 0.005).abs() < 1e-15);
         assert!((points[0].rmse - 0.125f64.sqrt()).abs() < 1e-12);
-        assert_eq!(points[0].flip, None);
+        assert_eq!((points[0].flip, points[0].ceiling), (None, None));
+        let mut near = record("t", 3.0, 0.4);
+        (near.combination.view, near.footprint) = ([1, 2], 16.0);
+        let mut far = record("t", 1.0, 0.3);
+        for r in [&mut far, &mut near] {
+            r.combination.technique = "flat.two-pass.point".into();
+        }
+        let at = |r: &Record, rate: f64| Ceiling {
+            case: ceiling::name(r).unwrap(),
+            size: [64, 48],
+            points: 10,
+            points_per_second: vec![rate],
+        };
+        let both = [at(&far, 3e6), at(&near, 1e6)];
+        let of = |c: &[Ceiling]| super::points(&[far.clone(), near.clone()], c)[0].ceiling;
+        // 20 points, 10 at each rate: 3.3 and 10 µs.
+        assert!((of(&both).unwrap() - 1.5).abs() < 1e-12);
+        assert_eq!(of(&both[..1]), None);
         let text = table(&[record("t", 1.0, 0.3), record("u", 2.0, 0.4), record("v", 3.0, 0.1)], &[]);
         let marks: Vec<bool> = text.lines().skip(2).map(|l| l.starts_with("  *")).collect();
         assert_eq!(marks, [true, false, true, false], "{text}");

@@ -20,7 +20,7 @@ use surfel::{FrameStats, Instance};
 use super::super::parse::{Input, Radius};
 use super::super::progress::Progress;
 use super::super::scene::{self, Scene};
-use super::super::{Usage, compare, frames, look, output};
+use super::super::{Usage, compare, frames, look, memory, output};
 use super::args::SweepArgs;
 use super::ceiling::{self, Ceiling};
 use super::journal::Journal;
@@ -30,6 +30,11 @@ use super::truth::{self, Source};
 
 /// Counted as different: more than this, of 255.
 const TOLERANCE: u8 = 1;
+
+/// Bytes of memory that a pixel and a sample of the faces take at their peak, on a device that is the processor: between
+/// pictures of 1024 × 1024 and 2048 × 2048 px 318 more a pixel, between 100 k and 2 M samples 287 more a sample.
+const A_PIXEL: u64 = 320;
+const A_SAMPLE: u64 = 290;
 
 /// What came out.
 pub struct Sweep {
@@ -65,7 +70,9 @@ pub fn run(args: &SweepArgs, out: &Path, progress: &Progress) -> Result<Sweep> {
     if let Radius::Pixels(_) = args.look.radius {
         return Err(Usage("--radius px:N is no splat: a bench compares splats; use --scales".into()).into());
     }
+    plan::distinct(&args.inputs)?;
     scene::readable(&args.inputs, &[])?;
+    fits(args)?;
     for folder in ["pictures", "truth"] {
         let folder = out.join(folder);
         fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
@@ -88,6 +95,15 @@ pub fn run(args: &SweepArgs, out: &Path, progress: &Progress) -> Result<Sweep> {
     bench.off.destroy().close();
     let (records, ceilings, stress) = done?;
     Ok(Sweep { device, records, ceilings, stress, common })
+}
+
+/// The largest picture and the largest number of samples, before anything is loaded.
+fn fits(args: &SweepArgs) -> Result<()> {
+    for &[width, height] in &args.sizes {
+        let pixels = width as u64 * height as u64;
+        memory::ensure(&format!("a bench at {width}x{height}"), pixels.saturating_mul(A_PIXEL))?;
+    }
+    args.samples.iter().try_for_each(|&n| memory::ensure(&format!("--samples {n}"), n as u64 * A_SAMPLE))
 }
 
 /// What all records of a journal share: whoever changes one of these begins another bench.
@@ -134,11 +150,17 @@ impl Bench<'_> {
         let name = plan::name(input);
         let state = plan::state(input)?;
         let plan = plan::plan(self.args, &name, &state);
-        if plan.iter().any(|c| self.journal.get(&c.key()).is_none()) {
+        if plan.iter().any(|c| self.finished(c).is_none()) {
             let scene = Scene::load(std::slice::from_ref(input), &self.args.lens, &self.args.look, self.progress)?;
             self.measure(scene, &plan, format!("{name} {state}")).with_context(|| name.clone())?;
         }
-        Ok(plan.iter().filter_map(|c| self.journal.get(&c.key()).cloned()).collect())
+        Ok(plan.iter().filter_map(|c| self.finished(c).cloned()).collect())
+    }
+
+    /// The record of a combination, where nothing of it is missing: the report shows its pictures.
+    fn finished(&self, combination: &Combination) -> Option<&Record> {
+        let there = |r: &&Record| [&r.picture, &r.truth_file].iter().all(|file| self.out.join(file).is_file());
+        self.journal.get(&combination.key()).filter(there)
     }
 
     fn measure(&mut self, scene: Scene, plan: &[Combination], state: String) -> Result<()> {
@@ -146,17 +168,17 @@ impl Bench<'_> {
         let original: Vec<Arc<Flat>> = scene.clouds.iter().map(|c| Arc::new(Flat::new(c))).collect();
         let source = Source::new(self.args.truth, &scene, &original)?;
         let mut subject = Subject { scene, source, style, state };
-        let mut sizes = self.args.sizes.clone();
-        sizes.dedup();
         for samples in plan::samples(self.args) {
+            if plan.iter().all(|c| c.samples != samples || self.finished(c).is_some()) {
+                continue;
+            }
             let flats = match samples {
                 None => original.clone(),
                 Some(n) => self.sampled(&subject.scene, n)?,
             };
             let drawn = self.add(flats)?;
-            for &size in &sizes {
-                let missing =
-                    |c: &&Combination| c.samples == samples && c.size == size && self.journal.get(&c.key()).is_none();
+            for &size in &self.args.sizes {
+                let missing = |c: &&Combination| c.samples == samples && c.size == size && self.finished(c).is_none();
                 let pending: Vec<&Combination> = plan.iter().filter(missing).collect();
                 if !pending.is_empty() {
                     self.size(size, &mut subject, &drawn, &pending)?;
@@ -208,7 +230,10 @@ impl Bench<'_> {
         let _step = self.progress.step(format!("truth of view {}", number + 1), 1);
         let Subject { source, style, state, .. } = subject;
         let name = source.name();
-        let file = truth::file(&format!("{state} {name} {view:?} {style:?}"), number, size);
+        // Colours and radii depend on the look beyond the style.
+        let look = &self.args.look;
+        let version = env!("CARGO_PKG_VERSION");
+        let file = truth::file(&format!("{version} {state} {name} {view:?} {style:?} {look:?}"), number, size);
         let picture = source.picture(&self.out.join(&file), view, size, style)?;
         Ok(Truth { image: truth::image(&picture, self.args.background), name, file })
     }

@@ -53,12 +53,12 @@ impl Source {
 
     /// The picture, from the file if it is there.
     pub fn picture(&self, file: &Path, view: &View, [width, height]: [u32; 2], style: &Style) -> Result<FloatPicture> {
-        if file.exists() {
-            // Written whole or not at all, and named after all that it depends on.
-            let kept = FloatPicture::read(file)?;
-            if [kept.width, kept.height] == [width, height] && kept.depth.is_some() {
-                return Ok(kept);
-            }
+        // Named after all that it depends on. What is missing or cannot be read any more is made anew.
+        if let Ok(kept) = FloatPicture::read(file)
+            && [kept.width, kept.height] == [width, height]
+            && kept.depth.is_some()
+        {
+            return Ok(kept);
         }
         let picture = match self {
             Source::Mesh(surfaces) => {
@@ -85,7 +85,8 @@ impl Source {
             }
         };
         let float = output::from_reference(&picture, view);
-        float.write(file)?;
+        // Whole or not at all; an EXR has no background.
+        output::picture(file, &float, [0; 4])?;
         Ok(float)
     }
 }
