@@ -123,7 +123,7 @@ fn ticks(range: &Range<f64>) -> Vec<f64> {
 
 /// Three digits, and an exponent only where it is shorter.
 fn short(v: f64) -> String {
-    if (1e-3..1e5).contains(&v) {
+    if (1e-3..1e7).contains(&v) {
         let digits = (2 - v.log10().floor() as i32).max(0) as usize;
         let text = format!("{v:.digits$}");
         if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }

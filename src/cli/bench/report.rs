@@ -105,7 +105,7 @@ fn plots(of: &[&Point]) -> Result<String> {
         let front = measure::pareto(&pairs).into_iter().map(|i| pairs[i]).collect();
         let title = format!("Time against {name}");
         let plot =
-            Plot { title: &title, x: "median time a frame [ms]", y: name, series: curve(error, |p| Some(p.ms)), front };
+            Plot { title: &title, x: "device time a frame, median [ms]", y: name, series: curve(error, |p| Some(p.ms)), front };
         text += &svg(&plot)?.unwrap_or_default();
     }
     if sampled {
