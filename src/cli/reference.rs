@@ -1,5 +1,6 @@
 //! `surfel reference`: the picture that is right, in f64 on the processor. It needs no Vulkan.
 
+use std::borrow::Borrow;
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
@@ -11,7 +12,9 @@ use surfel::reference::{
     supersampled,
 };
 use surfel::select::{DrawList, View};
+use surfel::structure::Flat;
 use surfel::style::Style;
+use surfel::technique::Technique;
 
 use super::args::{ReferenceArgs, TruthKind};
 use super::parse::Input;
@@ -21,7 +24,7 @@ use super::scene::{self, Scene};
 use super::{Outcome, Usage, input, look, memory, output};
 
 /// Samples along a pixel's side where no surface is known.
-const SUPERSAMPLES: u32 = 8;
+pub const SUPERSAMPLES: u32 = 8;
 
 /// Bytes a pixel: the finished tiles and the picture in f64, and as it is written.
 const A_PIXEL: u64 = 48 + 41 + 20 + 20;
@@ -57,15 +60,10 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
         mesh(&surfaces, &view, args.view.size, &style, samples)
     } else {
         let flats = scene.pack();
-        let instances: Vec<_> = flats.iter().map(|flat| Instance { flat, transform: DMat4::IDENTITY }).collect();
-        let list = DrawList::all(flats.iter().map(|f| f.len() as u32));
-        let instances = &instances;
-        let splats =
-            Splats { instances, list: &list, view: &view, width, height, technique, style: &style, host_depth: None };
-        let picture = match args.truth {
-            TruthKind::Supersampled => supersampled(&splats, samples),
-            _ => render(&splats, MARGIN_F32),
-        };
+        let picture = splats(&flats, &view, args.view.size, technique, &style, |scene| match args.truth {
+            TruthKind::Supersampled => supersampled(scene, samples),
+            _ => render(scene, MARGIN_F32),
+        });
         let counts = picture.counts;
         rows.push(("points", format!("{} in the input, {} drawn", grouped(points_input), grouped(counts.drawn))));
         let culled =
@@ -125,8 +123,25 @@ fn faces(inputs: &[Input], clouds: &[PointCloud]) -> Result<()> {
     Ok(())
 }
 
-fn mesh(surfaces: &[Surface], view: &View, [width, height]: [u32; 2], style: &Style, samples: u32) -> Picture {
+/// The surfaces where their clouds are, by rays.
+pub fn mesh(surfaces: &[Surface], view: &View, [width, height]: [u32; 2], style: &Style, samples: u32) -> Picture {
     let instances: Vec<_> =
         surfaces.iter().map(|surface| MeshInstance { surface, transform: DMat4::IDENTITY }).collect();
     ray_cast(&MeshScene { instances: &instances, view, width, height, style }, samples)
+}
+
+/// What `draw` makes of all points where their clouds are.
+pub fn splats(
+    flats: &[impl Borrow<Flat>],
+    view: &View,
+    [width, height]: [u32; 2],
+    technique: Technique,
+    style: &Style,
+    draw: impl FnOnce(&Splats) -> Picture,
+) -> Picture {
+    let list = DrawList::all(flats.iter().map(|flat| flat.borrow().len() as u32));
+    let instances: Vec<_> =
+        flats.iter().map(|flat| Instance { flat: flat.borrow(), transform: DMat4::IDENTITY }).collect();
+    let (instances, list) = (instances.as_slice(), &list);
+    draw(&Splats { instances, list, view, width, height, technique, style, host_depth: None })
 }

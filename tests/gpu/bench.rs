@@ -202,6 +202,7 @@ fn what_cannot_be_measured_is_refused() {
     );
     refused(&bench(&["--techniques", "nothing"]), 2, "nothing");
     refused(&bench(&["--sizes", "0x5"]), 2, "--sizes");
+    refused(&bench(&["--background", "ffffff00"]), 2, "opaque");
     refused(&bench(&["--sizes", "4000000000x4000000000"]), 1, "of memory");
     refused(&bench(&["--samples", "4000000000"]), 2, "--samples");
     refused(&bench(&["scene:sphere:1k"]), 2, "scene:sphere:1000:1");

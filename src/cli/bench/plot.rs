@@ -8,7 +8,12 @@ use plotters::prelude::*;
 /// Of the plot, and of the names beside it \[px\].
 const WIDTH: u32 = 620;
 const LEGEND: u32 = 330;
+/// At least; as high as the names ask for.
 const HEIGHT: u32 = 420;
+
+/// Where the first name stands, and from name to name \[px\].
+const TOP: u32 = 45;
+const LINE: u32 = 18;
 
 /// Values of one kind.
 pub struct Series {
@@ -55,7 +60,8 @@ pub fn svg(plot: &Plot) -> Result<Option<String>> {
     let mut text = String::new();
     {
         let wrong = |e: &dyn std::fmt::Display| anyhow!("plot: {e}");
-        let root = SVGBackend::with_string(&mut text, (WIDTH + LEGEND, HEIGHT)).into_drawing_area();
+        let height = HEIGHT.max(TOP + LINE * plot.series.len() as u32);
+        let root = SVGBackend::with_string(&mut text, (WIDTH + LEGEND, height)).into_drawing_area();
         root.fill(&WHITE).map_err(|e| wrong(&e))?;
         let (area, legend) = root.split_horizontally(WIDTH);
         let (x, y) = (range(|p| p.0), range(|p| p.1));
@@ -94,7 +100,7 @@ pub fn svg(plot: &Plot) -> Result<Option<String>> {
             // Beyond the colours the shapes differ: full, then hollow.
             let fill = if (i / COLORS.len()).is_multiple_of(2) { color.filled() } else { color.stroke_width(2) };
             chart.draw_series(points.iter().map(|p| Circle::new(*p, 5, fill))).map_err(|e| wrong(&e))?;
-            let y = 45 + 18 * i as i32;
+            let y = (TOP + LINE * i as u32) as i32;
             legend.draw(&Circle::new((12, y), 5, fill)).map_err(|e| wrong(&e))?;
             let name = Text::new(series.name.as_str(), (24, y - 6), ("sans-serif", 13).into_font());
             legend.draw(&name).map_err(|e| wrong(&e))?;
@@ -144,6 +150,14 @@ mod tests {
         // Two points and one mark in the legend; zero has no logarithm.
         assert_eq!(text.matches("<circle").count(), 3);
         assert!(text.contains("a &amp; b") && text.contains("RMSE"));
+        // However many there are, the last name is within the picture.
+        let many = svg(&plot((0..40).map(|_| series(&[(1.0, 0.5)])).collect())).unwrap().unwrap();
+        let number = |text: &str, key: &str| -> f64 {
+            let value = &text[text.find(key).unwrap() + key.len()..];
+            value[..value.find('"').unwrap()].parse().unwrap()
+        };
+        let last = number(&many[many.rfind("<circle").unwrap()..], "cy=\"");
+        assert!(last > 420.0 && last < number(&many, "height=\""), "{last}");
         assert!(svg(&plot(vec![series(&[(0.0, 1.0)])])).unwrap().is_none());
         assert!(svg(&plot(vec![series(&[(5.0, 1.0)])])).unwrap().is_some(), "a single point has an axis too");
     }

@@ -117,7 +117,9 @@ pub fn parse(report: &Value) -> Option<Run> {
 
 /// The same of records in memory. A case is named without what tells one input's state from another's: to compare with
 /// what was there before is the point. Its samples are one a round, the median of the round's frames: frames that follow
-/// each other share what disturbs them, and taken for independent would make the interval too narrow.
+/// each other share what disturbs them, and taken for independent would make the interval too narrow: simulated with five
+/// rounds of three frames, half of whose variance is the round's, 11 % of unchanged cases are called different, and 3 % with
+/// medians.
 pub fn run(common: &Value, records: &[Record]) -> Result<Run> {
     let setting =
         baseline::setting(common, &["device", "driver", "look", "lens"]).context("device, driver, look, lens")?;

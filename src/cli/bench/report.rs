@@ -135,7 +135,7 @@ fn table(of: &[&Point]) -> String {
         };
         let _ = writeln!(
             text,
-            "<tr{}><td>{}</td><td>{:.2}</td><td>{:.2} – {:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{}</td><td>{:.5}</td><td>{:.2}</td>\
+            "<tr{}><td>{}</td><td>{:.2}</td><td>{:.2} – {:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{}</td><td>{:.5}</td><td>{}</td>\
              <td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             if front.contains(&i) { " class=\"front\"" } else { "" },
             escape(&p.way),
@@ -146,7 +146,7 @@ fn table(of: &[&Point]) -> String {
             p.rate,
             p.ceiling.map_or("–".into(), |c| format!("{c:.2} ({:.0} %)", 100.0 * p.rate / c)),
             p.rmse,
-            -20.0 * p.rmse.log10(),
+            if p.rmse > 0.0 { format!("{:.2}", -20.0 * p.rmse.log10()) } else { "equal".into() },
             number(p.interior, 5),
             number(p.flip, 5),
             number(p.ssim, 5),

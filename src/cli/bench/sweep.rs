@@ -70,6 +70,9 @@ pub fn run(args: &SweepArgs, out: &Path, progress: &Progress) -> Result<Sweep> {
     if let Radius::Pixels(_) = args.look.radius {
         return Err(Usage("--radius px:N is no splat: a bench compares splats; use --scales".into()).into());
     }
+    if args.background[3] != 255 {
+        return Err(Usage("--background of a bench is opaque: RRGGBB".into()).into());
+    }
     plan::distinct(&args.inputs)?;
     scene::readable(&args.inputs, &[])?;
     fits(args)?;

@@ -4,22 +4,18 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use glam::DMat4;
 
 use surfel::exr::FloatPicture;
 use surfel::measure::Image;
-use surfel::reference::{self, Instance, MeshInstance, MeshScene, Scene, Surface};
-use surfel::select::{DrawList, View};
+use surfel::reference::{SAMPLES, Surface, supersampled};
+use surfel::select::View;
 use surfel::structure::Flat;
 use surfel::style::Style;
 use surfel::technique::Technique;
 
+use super::super::reference::{self, SUPERSAMPLES};
 use super::super::{output, scene};
 use super::args::TruthKind;
-
-/// Samples along a pixel's side.
-const MESH_SIDE: u32 = 4;
-const POINTS_SIDE: u32 = 8;
 
 /// What truth is made from.
 pub enum Source {
@@ -44,9 +40,9 @@ impl Source {
     /// In words, for the report.
     pub fn name(&self) -> String {
         match self {
-            Source::Mesh(_) => format!("ray cast of the faces, {MESH_SIDE} x {MESH_SIDE} samples a pixel"),
+            Source::Mesh(_) => format!("ray cast of the faces, {SAMPLES} x {SAMPLES} samples a pixel"),
             Source::Points(_) => {
-                format!("two-pass in f64 of all points, {POINTS_SIDE} x {POINTS_SIDE} samples a pixel")
+                format!("two-pass in f64 of all points, {SUPERSAMPLES} x {SUPERSAMPLES} samples a pixel")
             }
         }
     }
@@ -61,27 +57,11 @@ impl Source {
             return Ok(kept);
         }
         let picture = match self {
-            Source::Mesh(surfaces) => {
-                let instances: Vec<MeshInstance> =
-                    surfaces.iter().map(|surface| MeshInstance { surface, transform: DMat4::IDENTITY }).collect();
-                let scene = MeshScene { instances: &instances, view, width, height, style };
-                reference::ray_cast(&scene, MESH_SIDE)
-            }
+            Source::Mesh(surfaces) => reference::mesh(surfaces, view, [width, height], style, SAMPLES),
             Source::Points(flats) => {
-                let instances: Vec<Instance> =
-                    flats.iter().map(|flat| Instance { flat, transform: DMat4::IDENTITY }).collect();
-                let list = DrawList::all(flats.iter().map(|flat| flat.len() as u32));
-                let scene = Scene {
-                    instances: &instances,
-                    list: &list,
-                    view,
-                    width,
-                    height,
-                    technique: Technique::default(),
-                    style,
-                    host_depth: None,
-                };
-                reference::supersampled(&scene, POINTS_SIDE)
+                reference::splats(flats, view, [width, height], Technique::default(), style, |scene| {
+                    supersampled(scene, SUPERSAMPLES)
+                })
             }
         };
         let float = output::from_reference(&picture, view);
