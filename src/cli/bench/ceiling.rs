@@ -17,7 +17,7 @@ use surfel::technique::{Blend, Primitive, Technique};
 use super::super::progress::Progress;
 use super::record::{Combination, Record};
 
-/// Points that the mean footprint is taken of, at least, where there are so many.
+/// Points that the root mean squared footprint is taken of, at least, where there are so many.
 const FOOTPRINTS: usize = 10_000;
 
 /// More points than these only take longer: the rate no longer changes.
@@ -36,7 +36,7 @@ pub struct Ceiling {
     pub points_per_second: Vec<f64>,
 }
 
-/// The case that does no more than this combination must: squares of the mean footprint's side, with the same passes and
+/// The case that does no more than this combination must: squares of the footprints' root mean squared side, with the same passes and
 /// attachments. `None` for footprints of which the device's rate is not measured.
 fn case(combination: &Combination, footprint: f64) -> Option<Case> {
     let technique = Technique::named(&combination.technique)?;

@@ -72,7 +72,7 @@ fn timed(args: &SweepArgs, software: bool) -> String {
              <b>Holes:</b> the truth covers the pixel, the picture does not; <b>spill:</b> the reverse; sums over the views, \
              and in brackets as a share of the truth's outline.</p>\n";
     text += "<p class=\"note\"><b>Ceiling:</b> points a second of the device itself (<code>surfel bench raw</code>), measured \
-             after the views with the same passes and attachments and squares of the mean footprint's side: no disk, no \
+             after the views with the same passes and attachments and squares of the footprints' root mean squared side: no disk, no \
              weight, no selection. In brackets the technique's rate as a share of it; what drops points without drawing \
              them, such as back faces, may exceed it.</p>\n";
     if software {
@@ -104,8 +104,13 @@ fn plots(of: &[&Point]) -> Result<String> {
         let pairs: Vec<(f64, f64)> = of.iter().map(|p| (p.ms, error(p).unwrap_or(f64::NAN))).collect();
         let front = measure::pareto(&pairs).into_iter().map(|i| pairs[i]).collect();
         let title = format!("Time against {name}");
-        let plot =
-            Plot { title: &title, x: "device time a frame, median [ms]", y: name, series: curve(error, |p| Some(p.ms)), front };
+        let plot = Plot {
+            title: &title,
+            x: "device time a frame, median [ms]",
+            y: name,
+            series: curve(error, |p| Some(p.ms)),
+            front,
+        };
         text += &svg(&plot)?.unwrap_or_default();
     }
     if sampled {
