@@ -2,10 +2,11 @@
 //! within a derived bound.
 //!
 //! Where the bound comes from: `surfel::standalone::stress`. Fragments are displaced by up to δ = 1.8·10⁻⁵ px (a projected
-//! centre is good to 3·10⁻⁶ px, `src/draw/split.rs`; axes and normals round by some 8·2⁻²⁴ of an offset of up to 30 px), and
-//! 5.55 δ bounds colour and coverage of a pixel with footprints of 1 px and more; others are more sensitive by a factor that
-//! the reference knows. Light adds what it makes of the mean normal: 2 for the lamp at the eye, 3.4 more for the highlight.
-//! Discs and squares have no weights: only light is rounded, some 10⁻⁶ of a colour up to 1.25.
+//! centre is good to 3·10⁻⁶ px in a picture of this size, `Camera::needs_pairs`; axes and normals round by some 8·2⁻²⁴ of
+//! an offset of up to 30 px), and 5.55 δ bounds colour and coverage of a pixel with footprints of 1 px and more; others are
+//! more sensitive by a factor that the reference knows. Light adds what it makes of the mean normal: 2 for the lamp at the
+//! eye, 3.4 more for the highlight. Discs and squares have no weights: only light is rounded, some 10⁻⁶ of a colour up to
+//! 1.25.
 
 use std::sync::Arc;
 
@@ -164,10 +165,13 @@ fn check(off: &mut Offscreen, case: &Case) {
     let shown = |rgba: Vec<[f32; 4]>| Picture { rgba, depth: None, ..picture }.encode([0, 0, 0, 255]);
     let bytes = shown(picture.rgba.clone());
     let want_bytes = shown(expected.rgba.iter().map(|p| p.map(|v| v as f32)).collect());
-    let mut off_ties = 0;
+    let (mut off_ties, mut worst) = (0, 0.0f64);
     for (i, want) in expected.rgba.iter().enumerate() {
         let got = picture.rgba[i].map(f64::from);
         let error = (0..4).map(|k| (want[k] - got[k]).abs()).fold(0.0, f64::max);
+        if !expected.ties[i] {
+            worst = worst.max(error);
+        }
         if error > case.bound * gain * (expected.sensitivity[i] / stress::STEEPEST).max(1.0) {
             let at = (i as u32 % case.size[0], i as u32 / case.size[0]);
             assert!(expected.ties[i], "{name}, pixel {at:?}: {got:?} is not {want:?}");
@@ -188,6 +192,7 @@ fn check(off: &mut Offscreen, case: &Case) {
             "{name}, pixel {i}: depth {depth} is not {front}"
         );
     }
+    println!("{name}: worst {worst:.1e}, {off_ties} ties off");
     assert!(off_ties <= case.ties, "{name}: {off_ties} ties are off, {} may be", case.ties);
     let covered = expected.rgba.iter().filter(|p| p[3] > 0.0).count();
     // A sphere seen from inside has only faces that look away.
