@@ -1,11 +1,8 @@
 //! What every reader does between raw values and a [`PointCloud`] that keeps its promises.
 
-use std::path::Path;
-
 use glam::DVec3;
 
 use super::PointCloud;
-use crate::error::{Error, Place, Result};
 
 /// Why points are missing whose offset does not fit an f32.
 pub(super) const TOO_FAR: &str = "coordinates too far from the rest for 32-bit floats";
@@ -105,17 +102,4 @@ pub(super) fn retain(cloud: &mut PointCloud, keep: &[bool]) {
             cloud.mesh = None;
         }
     }
-}
-
-/// The cloud, or the error that says why nothing is left of it.
-#[cfg_attr(not(any(feature = "ply", feature = "las")), allow(dead_code))]
-pub(super) fn finish(cloud: PointCloud, file: &Path) -> Result<PointCloud> {
-    if !cloud.is_empty() {
-        return Ok(cloud);
-    }
-    let mut why = format!("no point left: {} in the file", cloud.report.points_in_file);
-    for (reason, n) in &cloud.report.dropped {
-        why += &format!(", {n} dropped for {reason}");
-    }
-    Err(Error::data(file, Place::File, why))
 }

@@ -118,6 +118,19 @@ fn read_las(name: &Path, _: &mut dyn Source, _: &Options) -> Result<PointCloud> 
     Err(Error::Unsupported(format!("{}: this build reads no LAS or LAZ (feature `las`)", name.display())))
 }
 
+/// The cloud, or the error that says why nothing is left of it.
+#[cfg(any(feature = "ply", feature = "las"))]
+fn finish(cloud: PointCloud, file: &Path) -> Result<PointCloud> {
+    if !cloud.is_empty() {
+        return Ok(cloud);
+    }
+    let mut why = format!("no point left: {} in the file", cloud.report.points_in_file);
+    for (reason, n) in &cloud.report.dropped {
+        why += &format!(", {n} dropped for {reason}");
+    }
+    Err(Error::data(file, Place::File, why))
+}
+
 enum Kind {
     Ply,
     Las,

@@ -2,7 +2,7 @@
 //! same bytes either way, because every item writes a place of its own.
 
 /// `f` of every item, in order.
-#[cfg_attr(not(feature = "las"), allow(dead_code))]
+#[cfg(feature = "las")]
 pub(super) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
     #[cfg(feature = "preprocess")]
     {
@@ -14,7 +14,6 @@ pub(super) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync + Se
 }
 
 /// Calls `f(index of the first item, items)` for consecutive blocks of at most `block` items.
-#[cfg_attr(not(feature = "ply"), allow(dead_code))]
 pub(super) fn fill<T: Send>(out: &mut [T], block: usize, f: impl Fn(usize, &mut [T]) + Sync + Send) {
     #[cfg(feature = "preprocess")]
     {
@@ -28,7 +27,7 @@ pub(super) fn fill<T: Send>(out: &mut [T], block: usize, f: impl Fn(usize, &mut 
 }
 
 /// How many items of [`map`] can run at once.
-#[cfg_attr(not(feature = "las"), allow(dead_code))]
+#[cfg(feature = "las")]
 pub(super) fn width() -> usize {
     #[cfg(feature = "preprocess")]
     {

@@ -36,7 +36,7 @@ pub(super) fn read(file: &Path, source: &mut dyn Source, options: &Options) -> R
     let kind = if compressed.is_some() { "LAZ" } else { "LAS" };
     cloud.report.format = format!("{kind} {}.{} format {}", header.version.0, header.version.1, header.format);
     options.report(header.points, header.points);
-    clean::finish(cloud, file)
+    super::finish(cloud, file)
 }
 
 /// Uncompressed records, a few blocks at a time.

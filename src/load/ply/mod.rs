@@ -11,7 +11,7 @@ mod vertices;
 
 use std::path::Path;
 
-use super::{Mesh, Options, PointCloud, clean};
+use super::{Mesh, Options, PointCloud};
 use crate::error::{Error, Place, Result};
 use ascii::Lines;
 use faces::Faces;
@@ -48,7 +48,7 @@ pub(super) fn read(file: &Path, bytes: &[u8], options: &Options) -> Result<Point
     }
     vertices::clean(&mut cloud);
     options.report(vertex.count, vertex.count);
-    clean::finish(cloud, file)
+    super::finish(cloud, file)
 }
 
 /// Without a position nothing else matters; the files that hide it elsewhere get a word about that.
