@@ -215,8 +215,7 @@ impl Renderer {
                 let block = camera.draw_params(
                     input.extent,
                     &instance.transform,
-                    flat.origin,
-                    flat.bounds(),
+                    flat,
                     input.style,
                     plan.disc,
                     sprite_limit.min(3e38) as f32,

@@ -6,6 +6,7 @@ use glam::{DMat4, DVec3, DVec4, dvec2, dvec3, dvec4};
 use super::split::split;
 use crate::gpu::layout::{DrawParams, FrameParams, MAX_VIEWS, ViewParams};
 use crate::select::View;
+use crate::structure::Flat;
 use crate::style::{EyeDome, Footprint, Shading, Style};
 
 /// What every cloud in a view shares.
@@ -122,19 +123,18 @@ impl Camera {
         half + x.z.abs().max(y.z.abs()).max(x.w.abs()).max(y.w.abs()) > SINGLE_REACH
     }
 
-    /// The shaders' block of one cloud. `bounds`: two opposite corners of its centres' box, relative to `origin`.
-    #[allow(clippy::too_many_arguments)]
+    /// The shaders' block of one cloud.
     pub fn draw_params(
         &self,
         extent: vk::Extent2D,
         transform: &DMat4,
-        origin: DVec3,
-        bounds: [DVec3; 2],
+        flat: &Flat,
         style: &Style,
         disc: bool,
         sprite_limit: f32,
     ) -> DrawParams {
-        let (mut eye_from_cloud, scale) = self.eye_from_cloud(transform, origin);
+        let (mut eye_from_cloud, scale) = self.eye_from_cloud(transform, flat.origin);
+        let bounds = flat.bounds();
         // Pixels count from the middle.
         let middle = 0.5 * dvec2(extent.width as f64, extent.height as f64);
         let ray_middle = self.ray[0] + middle.x * self.ray[1] + middle.y * self.ray[2];
