@@ -167,8 +167,9 @@ pub struct LookArgs {
     pub edl: Option<f64>,
 }
 
+/// What is drawn into which picture, by whatever draws it.
 #[derive(Debug, Args)]
-pub struct RenderArgs {
+pub struct PictureArgs {
     /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`.
     #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
     pub inputs: Vec<Input>,
@@ -184,6 +185,15 @@ pub struct RenderArgs {
     /// Colour behind the points; its alpha stays in the picture.
     #[arg(long, value_name = "RRGGBB[AA]", default_value = "1d1f23", value_parser = parse::color)]
     pub background: [u8; 4],
+    /// No progress on stderr and no table on stdout, only the picture's path.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    pub picture: PictureArgs,
     /// Frames to time. One more, before them, counts points and builds what is built once.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub frames: u32,
@@ -199,9 +209,6 @@ pub struct RenderArgs {
     /// Runs with Vulkan's validation layers; exit code 3 if they say anything.
     #[arg(long)]
     pub validate: bool,
-    /// No progress on stderr and no table on stdout, only the picture's path.
-    #[arg(short, long)]
-    pub quiet: bool,
 }
 
 /// What is taken for true.
@@ -217,30 +224,14 @@ pub enum TruthKind {
 
 #[derive(Debug, Args)]
 pub struct ReferenceArgs {
-    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`.
-    #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
-    pub inputs: Vec<Input>,
-    /// The picture to write; EXR has linear, premultiplied colours, coverage and depth.
-    #[arg(short, long, value_name = "OUT.png|OUT.exr")]
-    pub output: PathBuf,
+    #[command(flatten)]
+    pub picture: PictureArgs,
     /// What is drawn.
     #[arg(long, value_enum, default_value = "none")]
     pub truth: TruthKind,
     /// Samples along a pixel's side [default: 4 for mesh, 8 for supersampled].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub samples: Option<u32>,
-    #[command(flatten)]
-    pub view: ViewArgs,
-    #[command(flatten)]
-    pub technique: TechniqueArgs,
-    #[command(flatten)]
-    pub look: LookArgs,
-    /// Colour behind the surface; its alpha stays in the picture. An EXR has none.
-    #[arg(long, value_name = "RRGGBB[AA]", default_value = "1d1f23", value_parser = parse::color)]
-    pub background: [u8; 4],
-    /// No progress on stderr and no table on stdout, only the picture's path.
-    #[arg(short, long)]
-    pub quiet: bool,
 }
 
 #[derive(Debug, Args)]

@@ -126,13 +126,13 @@ pub fn surface(args: &LookArgs, shade: Shade) -> Style {
 mod tests {
     use clap::Parser;
 
-    use super::super::args::{Cli, Command, RenderArgs};
+    use super::super::args::{Cli, Command, PictureArgs};
     use super::*;
 
-    fn args(more: &[&str]) -> RenderArgs {
+    fn args(more: &[&str]) -> PictureArgs {
         let line = ["surfel", "render", "a.ply", "-o", "b.png"].iter().chain(more);
         match Cli::try_parse_from(line).unwrap().command {
-            Command::Render(args) => *args,
+            Command::Render(args) => args.picture,
             _ => unreachable!("it says render"),
         }
     }

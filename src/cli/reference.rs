@@ -31,24 +31,24 @@ const A_PIXEL: u64 = 48 + 41 + 20 + 20;
 
 /// Draws. What can be refused is refused before anything long begins.
 pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
-    output::is_float(&args.output)?;
-    let pose = scene::pose(&args.view)?;
-    let technique = look::technique(&args.technique, &args.look)?;
+    output::is_float(&args.picture.output)?;
+    let pose = scene::pose(&args.picture.view)?;
+    let technique = look::technique(&args.picture.technique, &args.picture.look)?;
     let samples = samples(args.truth, args.samples)?;
-    output::check(&args.output)?;
-    scene::readable(&args.inputs, &[&args.output])?;
-    let [width, height] = args.view.size;
+    output::check(&args.picture.output)?;
+    scene::readable(&args.picture.inputs, &[&args.picture.output])?;
+    let [width, height] = args.picture.view.size;
     let pixels = width as u64 * height as u64;
     memory::ensure(&format!("a picture of {width}x{height}"), pixels.saturating_mul(A_PIXEL))?;
 
-    let progress = Progress::new(args.quiet);
-    let read: Vec<PointCloud> = args.inputs.iter().map(|i| input::read(i, &progress)).collect::<Result<_>>()?;
+    let progress = Progress::new(args.picture.quiet);
+    let read: Vec<PointCloud> = args.picture.inputs.iter().map(|i| input::read(i, &progress)).collect::<Result<_>>()?;
     if args.truth == TruthKind::Mesh {
-        faces(&args.inputs, &read)?;
+        faces(&args.picture.inputs, &read)?;
     }
-    let mut scene = Scene::complete(read, &args.view.lens, &args.look, &progress)?;
-    let view = scene.view(pose, args.view.lens.fov, args.view.size);
-    let style = look::style(&args.technique, &args.look, scene.shade);
+    let mut scene = Scene::complete(read, &args.picture.view.lens, &args.picture.look, &progress)?;
+    let view = scene.view(pose, args.picture.view.lens.fov, args.picture.view.size);
+    let style = look::style(&args.picture.technique, &args.picture.look, scene.shade);
     let (points_input, assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
 
     let mut rows = vec![("picture", format!("{width} x {height}, f64, {}", said(args.truth, samples)))];
@@ -57,10 +57,10 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
         let surfaces: Vec<Surface> = scene.clouds.iter().filter_map(Surface::new).collect();
         let triangles: usize = surfaces.iter().map(Surface::triangles).sum();
         rows.push(("triangles", grouped(triangles as u64)));
-        mesh(&surfaces, &view, args.view.size, &style, samples)
+        mesh(&surfaces, &view, args.picture.view.size, &style, samples)
     } else {
         let flats = scene.pack();
-        let picture = splats(&flats, &view, args.view.size, technique, &style, |scene| match args.truth {
+        let picture = splats(&flats, &view, args.picture.view.size, technique, &style, |scene| match args.truth {
             TruthKind::Supersampled => supersampled(scene, samples),
             _ => render(scene, MARGIN_F32),
         });
@@ -76,11 +76,11 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
         let ties = picture.ties.iter().filter(|t| **t).count();
         rows.push(("ties", format!("{} pixels that f32 may decide otherwise", grouped(ties as u64))));
     }
-    output::picture(&args.output, &output::from_reference(&picture, &view), args.background)?;
+    output::picture(&args.picture.output, &output::from_reference(&picture, &view), args.picture.background)?;
     rows.extend(assumed.into_iter().enumerate().map(|(i, line)| (if i == 0 { "assumed" } else { "" }, line)));
     rows.extend(memory::peak_rss().map(|bytes| ("peak memory", memory::human(bytes))));
-    let mut text = format!("{}\n", args.output.display());
-    for (name, value) in rows.iter().filter(|_| !args.quiet) {
+    let mut text = format!("{}\n", args.picture.output.display());
+    for (name, value) in rows.iter().filter(|_| !args.picture.quiet) {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "  {name:<18} {value}");
     }

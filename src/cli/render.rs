@@ -21,18 +21,18 @@ use super::{Outcome, frames, look, memory, output};
 
 /// Renders. What can be refused is refused before anything long begins: usage, outputs, device, size, then the files.
 pub fn run(args: &RenderArgs) -> Result<Outcome> {
-    let float = output::is_float(&args.output)?;
-    let pose = scene::pose(&args.view)?;
-    let technique = look::technique(&args.technique, &args.look)?;
-    output::check(&args.output)?;
+    let float = output::is_float(&args.picture.output)?;
+    let pose = scene::pose(&args.picture.view)?;
+    let technique = look::technique(&args.picture.technique, &args.picture.look)?;
+    output::check(&args.picture.output)?;
     if let Some(path) = &args.stats {
         output::check(path)?;
-        if output::place(path) == output::place(&args.output) {
+        if output::place(path) == output::place(&args.picture.output) {
             bail!("{}: picture and statistics cannot be one file", path.display());
         }
     }
-    let outputs: Vec<&Path> = std::iter::once(&args.output).chain(&args.stats).map(PathBuf::as_path).collect();
-    scene::readable(&args.inputs, &outputs)?;
+    let outputs: Vec<&Path> = std::iter::once(&args.picture.output).chain(&args.stats).map(PathBuf::as_path).collect();
+    scene::readable(&args.picture.inputs, &outputs)?;
 
     let layers = if args.validate { Layers::CORE_SYNC } else { Layers::default() };
     let standalone = Standalone::new(&Options { device: args.device.clone(), layers, ..Default::default() })?;
@@ -41,8 +41,8 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
         bail!("--validate: checks that the layers do not switch on: {}", lacking.join(", "));
     }
     let device = standalone.info.clone();
-    let [width, height] = args.view.size;
-    fits(&device, args.view.size)?;
+    let [width, height] = args.picture.view.size;
+    fits(&device, args.picture.view.size)?;
     let mut offscreen = Offscreen::new(standalone, vk::Extent2D { width, height }, float)?;
     let done = picture(args, pose, technique, device, &mut offscreen);
     // Whatever happened: destroyed in order, so that the layers can tell what was left alive.
@@ -57,8 +57,8 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
         let text = format!("{:#}\n", report.json());
         output::write(path, |out| Ok(out.write_all(text.as_bytes())?))?;
     }
-    let table = if args.quiet { String::new() } else { report.table() };
-    super::print(&format!("{}\n{table}", args.output.display()))?;
+    let table = if args.picture.quiet { String::new() } else { report.table() };
+    super::print(&format!("{}\n{table}", args.picture.output.display()))?;
     Ok(if messages.is_empty() { Outcome::Done } else { Outcome::Spoken })
 }
 
@@ -79,10 +79,10 @@ fn picture(
 ) -> Result<Report> {
     // A quarter of a gibibyte a frame: what is staged does not double the memory of large clouds.
     offscreen.renderer.upload_budget = 256 << 20;
-    let progress = Progress::new(args.quiet);
-    let mut scene = Scene::load(&args.inputs, &args.view.lens, &args.look, &progress)?;
-    let view = scene.view(pose, args.view.lens.fov, args.view.size);
-    let style = look::style(&args.technique, &args.look, scene.shade);
+    let progress = Progress::new(args.picture.quiet);
+    let mut scene = Scene::load(&args.picture.inputs, &args.picture.view.lens, &args.picture.look, &progress)?;
+    let view = scene.view(pose, args.picture.view.lens.fov, args.picture.view.size);
+    let style = look::style(&args.picture.technique, &args.picture.look, scene.shade);
     let (points_input, assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
     let mut instances = Vec::new();
     for flat in scene.pack() {
@@ -94,10 +94,10 @@ fn picture(
     let picture = offscreen.read()?;
     {
         let _step = progress.step("write the picture", 1);
-        output::picture(&args.output, &output::float(picture, &view), args.background)?;
+        output::picture(&args.picture.output, &output::float(picture, &view), args.picture.background)?;
     }
     let mut skipped = Vec::new();
-    if args.technique.threshold.is_some() {
+    if args.picture.technique.threshold.is_some() {
         skipped.push(("threshold", "the flat structure has no level of detail: every point is drawn"));
     }
     if !args.validate {
@@ -105,7 +105,7 @@ fn picture(
     }
     Ok(Report {
         device,
-        size: args.view.size,
+        size: args.picture.view.size,
         technique,
         points_input,
         account,
