@@ -1,7 +1,6 @@
 //! Pictures of the f64 reference that are kept: they hold reference and device against drifting together.
 //!
 //! `SURFEL_BLESS=1` writes them anew (`cargo test --test cpu golden`); look at what changed before it is committed.
-#![allow(dead_code)]
 
 use std::path::{Path, PathBuf};
 
@@ -34,13 +33,6 @@ pub fn cases() -> Vec<(Case, &'static str)> {
 /// As it is kept: 8-bit sRGB over dark grey, three channels.
 pub fn encode(picture: &Picture) -> Vec<u8> {
     picture.encode([29, 31, 35, 255]).chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect()
-}
-
-pub fn write(folder: &Path, file: &str, width: u32, height: u32, rgb: &[u8]) {
-    std::fs::create_dir_all(folder).expect("a folder");
-    let path = folder.join(file).with_extension("png");
-    image::save_buffer(&path, rgb, width, height, image::ExtendedColorType::Rgb8)
-        .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
 }
 
 /// Compares with the kept picture: at most `off` pixels may differ by more than one step of 255.

@@ -1,9 +1,18 @@
 //! The f64 reference against its kept pictures, and that this comparison can fail.
 
+use std::path::Path;
+
 use surfel::readback::Picture;
 use surfel::standalone::stress;
 
 use crate::kept as golden;
+
+fn write(folder: &Path, file: &str, width: u32, height: u32, rgb: &[u8]) {
+    std::fs::create_dir_all(folder).expect("a folder");
+    let path = folder.join(file).with_extension("png");
+    image::save_buffer(&path, rgb, width, height, image::ExtendedColorType::Rgb8)
+        .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+}
 
 /// As the device would hand it over.
 fn reference(case: &stress::Case) -> Picture {
@@ -18,7 +27,7 @@ fn the_reference_draws_what_it_drew() {
         let picture = reference(&case);
         let rgb = golden::encode(&picture);
         if std::env::var_os("SURFEL_BLESS").is_some_and(|v| v == "1") {
-            golden::write(&golden::folder(), file, picture.width, picture.height, &rgb);
+            write(&golden::folder(), file, picture.width, picture.height, &rgb);
         }
         golden::check(&golden::folder(), file, picture.width, picture.height, &rgb, 0).unwrap();
     }
@@ -52,7 +61,7 @@ fn an_offset_of_two_steps_fails() {
 fn a_blank_pair_fails() {
     let folder = std::env::temp_dir().join(format!("surfel-golden-{}", std::process::id()));
     let blank = vec![7; 12];
-    golden::write(&folder, "blank", 2, 2, &blank);
+    write(&folder, "blank", 2, 2, &blank);
     let said = golden::check(&folder, "blank", 2, 2, &blank, 0).expect_err("it must fail");
     std::fs::remove_dir_all(&folder).expect("its own folder");
     assert!(said.contains("blank"), "{said}");

@@ -120,6 +120,14 @@ struct Case<'a> {
     ties: usize,
 }
 
+impl<'a> Case<'a> {
+    /// Weighted splats as points, in a picture of [`SIZE`].
+    fn two_pass(name: String, instances: &'a [(Arc<Flat>, Instance)], view: &'a View, style: &'a Style) -> Case<'a> {
+        let technique = Technique::default();
+        Case { name, size: SIZE, instances, view, technique, style, bound: WEIGHTED, ties: FEW }
+    }
+}
+
 fn check(off: &mut Offscreen, case: &Case) {
     let name = &case.name;
     let instances: Vec<Instance> = case.instances.iter().map(|(_, i)| *i).collect();
@@ -273,20 +281,7 @@ fn clouds_are_placed_turned_and_scaled() {
         for (v, view) in &views() {
             let style = Style { shading: Shading::HEADLIGHT, ..Style::default() };
             let name = format!("placed, {v}");
-            let technique = Technique::default();
-            check(
-                off,
-                &Case {
-                    name,
-                    size: SIZE,
-                    instances: &instances,
-                    view,
-                    technique,
-                    style: &style,
-                    bound: WEIGHTED,
-                    ties: FEW,
-                },
-            );
+            check(off, &Case::two_pass(name, &instances, view, &style));
         }
     });
 }
@@ -305,14 +300,10 @@ fn squares_of_a_given_size() {
             check(
                 off,
                 &Case {
-                    name,
-                    size: SIZE,
-                    instances: &instances,
-                    view,
                     technique: *technique,
-                    style: &style,
                     bound: UNWEIGHTED,
                     ties,
+                    ..Case::two_pass(name, &instances, view, &style)
                 },
             );
         }
@@ -344,14 +335,10 @@ fn eye_dome_lighting() {
         let instances = [add(off, &soup())];
         for (v, view) in views().iter().filter(|(v, _)| *v != "left-handed") {
             let style = Style { eye_dome: Some(EyeDome::default()), shading: Shading::None, ..Style::default() };
-            let technique = Technique::default();
             // exp(−100 s), s a mean of logarithms of depths, each good to 2·10⁻⁵: 3·10⁻³ of the colour more.
             let bound = WEIGHTED + 3e-3;
             let name = format!("eye-dome, {v}");
-            check(
-                off,
-                &Case { name, size: SIZE, instances: &instances, view, technique, style: &style, bound, ties: FEW },
-            );
+            check(off, &Case { bound, ..Case::two_pass(name, &instances, view, &style) });
         }
     });
 }
@@ -370,21 +357,8 @@ fn a_point_of_any_kind_does_no_harm() {
         for v in [0, 2] {
             let (name, view) = &views()[v];
             let style = Style { shading: Shading::None, ..Style::default() };
-            let technique = Technique::default();
             let name = format!("odd points, {name}");
-            check(
-                off,
-                &Case {
-                    name,
-                    size: SIZE,
-                    instances: &instances,
-                    view,
-                    technique,
-                    style: &style,
-                    bound: WEIGHTED,
-                    ties: FEW,
-                },
-            );
+            check(off, &Case::two_pass(name, &instances, view, &style));
         }
     });
 }
@@ -401,20 +375,7 @@ fn the_reference_would_notice() {
             let view = &views()[0].1;
             let style = Style { shading: Shading::None, ..Style::default() };
             let name = "wrong on purpose".into();
-            let technique = Technique::default();
-            check(
-                off,
-                &Case {
-                    name,
-                    size: SIZE,
-                    instances: &instances,
-                    view,
-                    technique,
-                    style: &style,
-                    bound: WEIGHTED,
-                    ties: FEW,
-                },
-            );
+            check(off, &Case::two_pass(name, &instances, view, &style));
         });
     });
     let said = wrong.expect_err("the comparison must fail");
@@ -447,7 +408,7 @@ fn a_cloud_of_several_chunks() {
         let style = Style { shading: Shading::None, ..Style::default() };
         // Some 3000 splats of the far sheet meet in a pixel: two sums of n terms, rounded by n 2⁻²⁴ each.
         let bound = WEIGHTED + 2.0 * 4000.0 / (1u32 << 24) as f64;
-        let (name, technique) = ("two chunks".into(), Technique::default());
-        check(off, &Case { name, size, instances: &instances, view: &view, technique, style: &style, bound, ties: 2 });
+        let case = Case::two_pass("two chunks".into(), &instances, &view, &style);
+        check(off, &Case { size, bound, ties: 2, ..case });
     });
 }

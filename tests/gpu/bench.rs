@@ -3,31 +3,11 @@
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::PathBuf;
 use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// A folder of this process's own, gone afterwards.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(test: &str) -> Folder {
-        let path = std::env::temp_dir().join(format!("surfel-bench-{test}-{}", std::process::id()));
-        fs::create_dir_all(&path).expect("a temporary folder");
-        Folder(path)
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).to_string_lossy().into_owned()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
+use crate::folder::Folder;
 
 fn surfel(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_surfel")).args(args).output().expect("the binary")
@@ -76,7 +56,7 @@ fn results(folder: &str) -> Value {
 
 #[test]
 fn a_sweep_is_judged_kept_and_gone_on_with() {
-    let folder = Folder::new("sweep");
+    let folder = Folder::new("bench-sweep");
     let (ply, out) = (folder.path("mesh.ply"), folder.path("out"));
     mesh(&ply);
     let sweep = [
@@ -173,7 +153,7 @@ fn a_sweep_is_judged_kept_and_gone_on_with() {
 
 #[test]
 fn points_without_faces_are_judged_by_all_of_them() {
-    let folder = Folder::new("points");
+    let folder = Folder::new("bench-points");
     let out = folder.path("out");
     let sweep = ["bench", "scene:sphere:3k", "--out", &out, "--views", "1", "--sizes", "64x64", "--rounds", "1", "-q"];
     let one = ["--techniques", "flat.two-pass.point", "--scales", "1,0.5", "--sums", "half"];
@@ -190,7 +170,7 @@ fn points_without_faces_are_judged_by_all_of_them() {
 
 #[test]
 fn what_cannot_be_measured_is_refused() {
-    let folder = Folder::new("refused");
+    let folder = Folder::new("bench-refused");
     let out = folder.path("out");
     let bench = |more: &[&'static str]| [&["bench", "scene:sphere:1k", "--out", &out], more].concat();
     refused(&bench(&["--radius", "px:2"]), 2, "--scales");

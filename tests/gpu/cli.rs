@@ -1,35 +1,13 @@
 //! `surfel render` as a user runs it: exit codes, pictures, statistics.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
 
 use crate::common::data;
-
-/// A folder of its own, removed if the test passes.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(test: &str) -> Folder {
-        let path = std::env::temp_dir().join(format!("surfel-render-{test}-{}", std::process::id()));
-        fs::create_dir_all(&path).expect("a temporary folder");
-        Folder(path)
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).to_string_lossy().into_owned()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        if !std::thread::panicking() {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
-}
+use crate::folder::Folder;
 
 fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
@@ -71,7 +49,7 @@ fn adds_up(v: &Value) {
 
 #[test]
 fn the_demo_renders_and_its_statistics_add_up() {
-    let folder = Folder::new("demo");
+    let folder = Folder::new("render-demo");
     let (out, json) = (folder.path("demo.png"), folder.path("demo.json"));
     let picture = rendered(&["scene:demo:20k"], &out, &["--stats", &json, "--background", "00000000"]);
     assert_eq!(picture.dimensions(), (160, 120));
@@ -95,7 +73,7 @@ fn the_demo_renders_and_its_statistics_add_up() {
 
 #[test]
 fn what_is_outside_is_counted_as_culled() {
-    let folder = Folder::new("outside");
+    let folder = Folder::new("render-outside");
     let (out, json) = (folder.path("a.png"), folder.path("a.json"));
     // From the middle of the sphere most of it is behind or beside the viewer.
     rendered(&["scene:sphere:5k"], &out, &["--orbit", "0,0,0", "--cull", "off", "--stats", &json]);
@@ -110,7 +88,7 @@ fn what_is_outside_is_counted_as_culled() {
 
 #[test]
 fn every_option_is_taken() {
-    let folder = Folder::new("options");
+    let folder = Folder::new("render-options");
     let out = folder.path("a.png");
     let mut pictures = Vec::new();
     for more in [
@@ -147,7 +125,7 @@ fn every_option_is_taken() {
 
 #[test]
 fn with_data_two_inputs_are_one_picture() {
-    let folder = Folder::new("two");
+    let folder = Folder::new("render-two");
     let (out, json) = (folder.path("a.png"), folder.path("a.json"));
     let pond = data("pond_mvs_normals.ply");
     // Different kinds stay apart and are drawn in one frame.
@@ -162,7 +140,7 @@ fn with_data_two_inputs_are_one_picture() {
 
 #[test]
 fn with_data_failures_have_code_one_and_one_line() {
-    let folder = Folder::new("failures");
+    let folder = Folder::new("render-failures");
     let out = folder.path("a.png");
     let fails = |inputs: &[&str], more: &[&str], says: &str| {
         let output = render(inputs, &out, more);
@@ -181,7 +159,7 @@ fn with_data_failures_have_code_one_and_one_line() {
 
 #[test]
 fn with_data_every_bad_file_ends_in_an_error_or_a_picture() {
-    let folder = Folder::new("bad");
+    let folder = Folder::new("render-bad");
     let (out, json) = (folder.path("a.png"), folder.path("a.json"));
     let bad = data("bad/ply_zero_bytes.ply");
     let mut pictures = 0;

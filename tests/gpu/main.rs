@@ -6,6 +6,8 @@ mod canary;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/folder.rs"]
+mod folder;
 mod golden;
 mod harness;
 mod host_contract;
