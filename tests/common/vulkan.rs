@@ -2,7 +2,6 @@
 //!
 //! `SURFEL_LAYERS` (default `core,sync`) says which checks run, `SURFEL_ROBUSTNESS=1` enables robustness2, and
 //! `SURFEL_HASHES` names a file that collects a hash of every picture, so that two passes can be compared.
-#![allow(dead_code)]
 
 use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
