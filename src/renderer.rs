@@ -336,6 +336,7 @@ impl Renderer {
             let (context, composite, set) = (&self.context, &self.composite, slot.frame_set);
             let seed = |cmd| composite.seed(context, cmd, set, layer as u32);
             calls += match current.blend {
+                Blend::Fuzzy | Blend::Groups => unimplemented!(),
                 Blend::TwoPass => two_pass::draw(&mut recorder, targets, layer, &bindings, draws, |cmd| {
                     if current.host_depth { seed(cmd) } else { 0 }
                 }),
@@ -533,6 +534,7 @@ impl Renderer {
     fn ensure_pipelines(&mut self, input: &FrameInput, plan: &FramePlan, views: &[Vec<Draw>]) -> Result<u32> {
         let roles: &[Role] = match input.technique.blend {
             Blend::TwoPass => &[Role::Visibility, Role::Accumulate],
+            Blend::Fuzzy | Blend::Groups => unimplemented!(),
             Blend::Opaque => &[Role::Opaque],
         };
         let mut built = 0;

@@ -89,6 +89,31 @@ pub enum SumPrecision {
     Half,
 }
 
+/// Which depth [`Blend::Fuzzy`](crate::technique::Blend::Fuzzy) keeps for a pixel while later fragments are blended in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Front {
+    /// The nearest fragment's: the limit zd + ε only ever comes nearer, and what leaves the renderer is the front.
+    #[default]
+    Nearest,
+    /// As published: that of the fragment that came first, so the band drifts with the order.
+    First,
+}
+
+/// What decides between two splats of one group at one pixel, for [`Blend::Groups`](crate::technique::Blend::Groups).
+///
+/// Only where a group overlaps itself; elsewhere, and with `Off`, it is the depth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Voronoi {
+    /// The least z + ε u, u the distance from the splat's centre in radii: splats become cones, whose lower envelope is the
+    /// Voronoi diagram (Hoff et al. 1999). What lies more than ε behind never wins.
+    #[default]
+    Cones,
+    /// As published (Zhang and Pajarola 2006, eqs 6 and 10): depth in slabs as thick as the tolerance, u within a slab.
+    Slabs,
+    /// The nearest depth: splats cut each other.
+    Off,
+}
+
 /// Eye-dome lighting (Boucheny 2009): darkens a pixel by how far it lies behind its neighbours on the screen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EyeDome {
@@ -127,6 +152,10 @@ pub struct Style {
     pub base_color: [u8; 3],
     /// Precision of the sums.
     pub sums: SumPrecision,
+    /// The front of `fuzzy`.
+    pub front: Front,
+    /// What decides within a group of `groups`.
+    pub voronoi: Voronoi,
 }
 
 impl Default for Style {
@@ -142,9 +171,13 @@ impl Default for Style {
             eye_dome: None,
             base_color: [0xd0; 3],
             sums: SumPrecision::Single,
+            front: Front::Nearest,
+            voronoi: Voronoi::Cones,
         }
     }
 }
 
 names!(Ellipse { Exact = "exact", Approximate = "approximate" });
 names!(SumPrecision { Single = "single", Half = "half" });
+names!(Front { Nearest = "nearest", First = "first" });
+names!(Voronoi { Cones = "cones", Slabs = "slabs", Off = "off" });

@@ -44,6 +44,14 @@ pub enum Blend {
     Opaque,
     /// Visibility, then weighted sums of what lies within the tolerance of the front, then one division a pixel.
     TwoPass,
+    /// Depth test and blending in one pass, fragment by fragment in the order of submission (Dachsbacher, Vogelgsang,
+    /// Stamminger: Sequential Point Trees, 2003, section 5). Where a device has no ordered access to its attachments,
+    /// [`TwoPass`](Blend::TwoPass) is drawn, and the statistics say so.
+    Fuzzy,
+    /// One layer for each group of splats that do not overlap, then a pass that sums the layers within the tolerance of the
+    /// front (Zhang, Pajarola: Single-Pass Point Rendering and Transparent Shading, 2006, sections 3 and 5.1). Needs
+    /// clouds with [`groups`](crate::structure::Flat::groups).
+    Groups,
 }
 
 /// One value on each axis.
@@ -82,6 +90,10 @@ pub const PRESETS: &[(&str, Technique)] = &[
     ("flat.two-pass.quad", Technique { primitive: Primitive::Quad, ..TWO_PASS }),
     ("flat.opaque.point", Technique { blend: Blend::Opaque, ..TWO_PASS }),
     ("flat.opaque.quad", Technique { blend: Blend::Opaque, primitive: Primitive::Quad, ..TWO_PASS }),
+    ("flat.fuzzy.point", Technique { blend: Blend::Fuzzy, ..TWO_PASS }),
+    ("flat.fuzzy.quad", Technique { blend: Blend::Fuzzy, primitive: Primitive::Quad, ..TWO_PASS }),
+    ("flat.groups.point", Technique { blend: Blend::Groups, ..TWO_PASS }),
+    ("flat.groups.quad", Technique { blend: Blend::Groups, primitive: Primitive::Quad, ..TWO_PASS }),
 ];
 
 impl Default for Technique {
@@ -121,4 +133,4 @@ names!(Structure { Flat = "flat" });
 names!(Selection { All = "all" });
 names!(Primitive { Point = "point", Quad = "quad" });
 names!(Order { Stored = "stored" });
-names!(Blend { Opaque = "opaque", TwoPass = "two-pass" });
+names!(Blend { Opaque = "opaque", TwoPass = "two-pass", Fuzzy = "fuzzy", Groups = "groups" });

@@ -94,6 +94,7 @@ impl<'a, T: Ties> Tile<'a, T> {
                         self.each(splats, |state, entry, fragment| state.nearest_ties(entry, fragment, margin));
                     }
                 }
+                Blend::Fuzzy | Blend::Groups => unimplemented!(),
                 Blend::TwoPass => {
                     self.each(splats, State::visibility);
                     self.each(splats, |state, entry, fragment| state.attributes(entry, fragment, margin));

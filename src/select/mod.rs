@@ -2,7 +2,9 @@
 #![forbid(unsafe_code)]
 
 pub mod draw_list;
+pub mod slabs;
 pub mod view;
 
 pub use draw_list::{DrawList, Span};
+pub use slabs::Slabs;
 pub use view::{DepthConvention, View};

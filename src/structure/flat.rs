@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::octahedral;
+use super::{Groups, octahedral};
 use crate::load::PointCloud;
 
 /// Points a block. Blocks only bound what a frame may need (footprints beyond a sprite's limit), so a rough size does.
@@ -26,6 +26,9 @@ pub struct Flat {
     pub blocks: Vec<Block>,
     /// See [`PointCloud::closed`].
     pub closed: bool,
+    /// Groups of splats that do not overlap, a byte a point: for [`Blend::Groups`](crate::technique::Blend::Groups) alone.
+    /// Absent until they are made ([`Groups::color`]) or loaded.
+    pub groups: Option<Groups>,
 }
 
 /// Bounds of a run of points.
@@ -90,6 +93,7 @@ impl Flat {
                 .map(|c| c.iter().map(|&[r, g, b]| u32::from_le_bytes([r, g, b, 255])).collect()),
             blocks,
             closed: cloud.closed,
+            groups: None,
         }
     }
 

@@ -2,6 +2,8 @@
 #![forbid(unsafe_code)]
 
 pub mod flat;
+pub mod groups;
 pub mod octahedral;
 
 pub use flat::Flat;
+pub use groups::Groups;
