@@ -12,6 +12,8 @@ pub enum Kind {
     UniformBuffer,
     StorageBuffer,
     SampledImage,
+    StorageImage,
+    InputAttachment,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,12 +34,15 @@ pub struct Module {
 // Opcodes, decorations and storage classes: SPIR-V 1.6, sections 3.49, 3.20 and 3.7.
 const OP_NAME: u32 = 5;
 const OP_MEMBER_NAME: u32 = 6;
+const OP_TYPE_IMAGE: u32 = 25;
+const OP_TYPE_POINTER: u32 = 32;
 const OP_VARIABLE: u32 = 59;
 const OP_DECORATE: u32 = 71;
 const OP_MEMBER_DECORATE: u32 = 72;
 const BINDING: u32 = 33;
 const DESCRIPTOR_SET: u32 = 34;
 const OFFSET: u32 = 35;
+const SUBPASS_DATA: u32 = 6;
 const UNIFORM_CONSTANT: u32 = 0;
 const UNIFORM: u32 = 2;
 const STORAGE_BUFFER: u32 = 12;
@@ -51,6 +56,9 @@ impl Module {
         let mut sets = HashMap::new();
         let mut slots = HashMap::new();
         let mut variables = Vec::new();
+        // Kinds of image types, and what pointer types point to.
+        let mut images = HashMap::new();
+        let mut pointers = HashMap::new();
 
         let mut at = 5;
         while at < words.len() {
@@ -63,19 +71,33 @@ impl Module {
                 (OP_MEMBER_DECORATE, [id, member, OFFSET, offset]) => drop(offsets.insert((*id, *member), *offset)),
                 (OP_DECORATE, [id, BINDING, slot]) => drop(slots.insert(*id, *slot)),
                 (OP_DECORATE, [id, DESCRIPTOR_SET, set]) => drop(sets.insert(*id, *set)),
-                (OP_VARIABLE, [_, id, class, ..]) => variables.push((*id, *class)),
+                // Operands after the sampled type: dimension, depth, arrayed, multisampled, and whether it is sampled (1) or
+                // loaded and stored (2).
+                (OP_TYPE_IMAGE, [id, _, dimension, _, _, _, sampled, ..]) => {
+                    let kind = match (*dimension, *sampled) {
+                        (SUBPASS_DATA, _) => Kind::InputAttachment,
+                        (_, 2) => Kind::StorageImage,
+                        _ => Kind::SampledImage,
+                    };
+                    images.insert(*id, kind);
+                }
+                (OP_TYPE_POINTER, [id, _, to]) => drop(pointers.insert(*id, *to)),
+                (OP_VARIABLE, [ty, id, class, ..]) => variables.push((*id, *ty, *class)),
                 _ => {}
             }
             at += length;
         }
 
         let mut bindings = Vec::new();
-        for (id, class) in variables {
+        for (id, ty, class) in variables {
             let Some(&binding) = slots.get(&id) else { continue };
             let kind = match class {
                 UNIFORM => Kind::UniformBuffer,
                 STORAGE_BUFFER => Kind::StorageBuffer,
-                UNIFORM_CONSTANT => Kind::SampledImage,
+                // An image, or one with its sampler, which is a type of its own.
+                UNIFORM_CONSTANT => {
+                    pointers.get(&ty).and_then(|to| images.get(to)).copied().unwrap_or(Kind::SampledImage)
+                }
                 other => anyhow::bail!("binding {binding} has storage class {other}"),
             };
             let set = *sets.get(&id).context("a binding without a set")?;

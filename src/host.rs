@@ -2,12 +2,12 @@
 
 use std::fmt;
 
-use ash::vk;
+use ash::{ext, vk};
 use glam::DMat4;
 
 use crate::draw::targets;
 use crate::error::{Error, Result};
-pub use crate::gpu::Enabled;
+pub use crate::gpu::{Enabled, Interlock};
 use crate::gpu::GpuMemory;
 use crate::gpu::layout::MAX_VIEWS;
 use crate::select::View;
@@ -27,7 +27,7 @@ pub struct Requirement {
     pub present: bool,
 }
 
-/// What to enable on a device, before the host creates it. No extension is required.
+/// What to enable on a device, before the host creates it. No extension is required: those named are optional, and there.
 ///
 /// The feature structs hold what is required and what is optional and present; a host merges them into its own chain.
 #[derive(Debug, Clone)]
@@ -40,9 +40,20 @@ pub struct Requirements {
     pub features: vk::PhysicalDeviceFeatures,
     /// Vulkan 1.1 features.
     pub vulkan11: vk::PhysicalDeviceVulkan11Features<'static>,
+    /// Vulkan 1.2 features.
+    pub vulkan12: vk::PhysicalDeviceVulkan12Features<'static>,
     /// Vulkan 1.3 features.
     pub vulkan13: vk::PhysicalDeviceVulkan13Features<'static>,
+    /// Of `VK_EXT_rasterization_order_attachment_access`; chain it where `extensions` has that name.
+    pub rasterization_order: vk::PhysicalDeviceRasterizationOrderAttachmentAccessFeaturesEXT<'static>,
+    /// Of `VK_EXT_fragment_shader_interlock`; chain it where `extensions` has that name.
+    pub interlock: vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT<'static>,
 }
+
+/// Names of optional items that more than one place asks for.
+const ORDER: &str = "rasterizationOrderColorAttachmentAccess";
+const TURNS: &str = "fragmentShaderPixelInterlock";
+const LAYER: &str = "shaderOutputLayer";
 
 impl Requirements {
     /// Asks a physical device. The instance must be of Vulkan 1.3 and the device belong to it.
@@ -50,15 +61,33 @@ impl Requirements {
         // SAFETY: the physical device belongs to the instance (a precondition).
         let properties = unsafe { instance.get_physical_device_properties(physical_device) };
         let modern = properties.api_version >= vk::API_VERSION_1_3;
-        let (mut v11, mut v13) =
-            (vk::PhysicalDeviceVulkan11Features::default(), vk::PhysicalDeviceVulkan13Features::default());
+        let mut v11 = vk::PhysicalDeviceVulkan11Features::default();
+        let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+        let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
+        let mut order = vk::PhysicalDeviceRasterizationOrderAttachmentAccessFeaturesEXT::default();
+        let mut turns = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default();
         let mut core = vk::PhysicalDeviceFeatures::default();
+        // SAFETY: as above. A device that cannot even list its extensions has none.
+        let listed = unsafe { instance.enumerate_device_extension_properties(physical_device) }.unwrap_or_default();
+        let has = |name| listed.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         if modern {
-            let mut chain = vk::PhysicalDeviceFeatures2::default().push_next(&mut v11).push_next(&mut v13);
-            // SAFETY: as above, and the chain's structs are known to Vulkan 1.3.
+            let mut chain =
+                vk::PhysicalDeviceFeatures2::default().push_next(&mut v11).push_next(&mut v12).push_next(&mut v13);
+            if has(ext::rasterization_order_attachment_access::NAME) {
+                chain = chain.push_next(&mut order);
+            }
+            if has(ext::fragment_shader_interlock::NAME) {
+                chain = chain.push_next(&mut turns);
+            }
+            // SAFETY: as above, and the chain's structs are known to Vulkan 1.3 or the extensions that are there.
             unsafe { instance.get_physical_device_features2(physical_device, &mut chain) };
             core = chain.features;
         }
+        let order = order.rasterization_order_color_attachment_access == vk::TRUE;
+        let turns = turns.fragment_shader_pixel_interlock == vk::TRUE
+            && core.fragment_stores_and_atomics == vk::TRUE
+            && core.shader_storage_image_extended_formats == vk::TRUE;
+        let layer = v12.shader_output_layer == vk::TRUE;
         let supports = |format, wanted| {
             // SAFETY: as above.
             let found = unsafe { instance.get_physical_device_format_properties(physical_device, format) };
@@ -79,15 +108,28 @@ impl Requirements {
             item("blending to R32G32B32A32_SFLOAT", all, true, sums),
             item("D32_SFLOAT_S8_UINT attachments", all, true, depth),
             item("largePoints", "point sprites: quads are drawn", false, core.large_points == vk::TRUE),
+            item(ORDER, "fuzzy by attachments: the interlock is used, or else two-pass", false, order),
+            item(TURNS, "fuzzy by interlock: two-pass is drawn, unless attachments can be read in order", false, turns),
+            item(LAYER, "groups: two-pass is drawn", false, layer),
             item("timestampComputeAndGraphics", "GPU times in the statistics", false, timestamps),
         ];
+        let mut extensions = Vec::new();
+        extensions.extend(order.then_some(ext::rasterization_order_attachment_access::NAME));
+        extensions.extend(turns.then_some(ext::fragment_shader_interlock::NAME));
         Requirements {
             items,
-            extensions: Vec::new(),
+            extensions,
             features: vk::PhysicalDeviceFeatures::default()
                 .independent_blend(true)
-                .large_points(core.large_points == vk::TRUE),
+                .large_points(core.large_points == vk::TRUE)
+                .fragment_stores_and_atomics(turns)
+                .shader_storage_image_extended_formats(turns),
             vulkan11: vk::PhysicalDeviceVulkan11Features::default().multiview(true),
+            vulkan12: vk::PhysicalDeviceVulkan12Features::default().shader_output_layer(layer),
+            rasterization_order: vk::PhysicalDeviceRasterizationOrderAttachmentAccessFeaturesEXT::default()
+                .rasterization_order_color_attachment_access(order),
+            interlock: vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
+                .fragment_shader_pixel_interlock(turns),
             vulkan13: vk::PhysicalDeviceVulkan13Features::default()
                 .dynamic_rendering(true)
                 .synchronization2(true)
@@ -100,11 +142,38 @@ impl Requirements {
         self.items.iter().filter(|i| i.required && !i.present).copied().collect()
     }
 
+    /// Does without optional items, by name: nothing of them is enabled. Fails for a name that is none of theirs.
+    pub fn without(&mut self, names: &[String]) -> Result<()> {
+        for name in names {
+            let optional: Vec<&str> = self.items.iter().filter(|i| !i.required).map(|i| i.name).collect();
+            let Some(item) = self.items.iter_mut().find(|i| !i.required && i.name == name) else {
+                let text = format!("to do without {name}: optional are {}", optional.join(", "));
+                return Err(Error::Unsupported(text));
+            };
+            item.present = false;
+            match item.name {
+                "largePoints" => self.features.large_points = vk::FALSE,
+                ORDER => self.extensions.retain(|e| *e != ext::rasterization_order_attachment_access::NAME),
+                TURNS => self.extensions.retain(|e| *e != ext::fragment_shader_interlock::NAME),
+                LAYER => self.vulkan12.shader_output_layer = vk::FALSE,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
     /// What is enabled on a device that is created with exactly these features. `debug_utils`: the instance has
     /// `VK_EXT_debug_utils`.
     pub fn enabled(&self, debug_utils: bool) -> Enabled {
         let has = |name| self.items.iter().any(|i| i.name == name && i.present);
-        Enabled { large_points: has("largePoints"), timestamps: has("timestampComputeAndGraphics"), debug_utils }
+        Enabled {
+            large_points: has("largePoints"),
+            timestamps: has("timestampComputeAndGraphics"),
+            rasterization_order: has(ORDER),
+            interlock: if has(TURNS) { Interlock::Pixel } else { Interlock::Absent },
+            output_layer: has(LAYER),
+            debug_utils,
+        }
     }
 }
 

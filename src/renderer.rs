@@ -7,18 +7,19 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::composite::{Composite, resolve};
+use crate::composite::{Before, Composite, resolve};
 use crate::draw::cloud::DeviceCloud;
 use crate::draw::large::{may_hold_large, whole_in_front};
 use crate::draw::params::{Camera, frame_params, scale};
-use crate::draw::plan::{CloudTraits, FramePlan};
+use crate::draw::layers::{LayerPlan, Layers};
+use crate::draw::plan::{CloudTraits, FramePlan, Surroundings};
 use crate::draw::slot::{PARAMS_STRIDE, Slot};
 use crate::draw::splats::{Bindings, Draw, quad_indices};
 use crate::draw::targets::{TargetPlan, Targets};
-use crate::draw::variant::{Pipelines, Role, SHADERS, Variant};
-use crate::draw::{count, opaque, two_pass};
+use crate::draw::variant::{Large, Pipelines, Role, Variant, shaders};
+use crate::draw::{count, fuzzy, groups, opaque, two_pass};
 use crate::error::{Error, Result};
-use crate::gpu::Context;
+use crate::gpu::{Context, Interlock};
 use crate::gpu::barrier::Access;
 use crate::gpu::layout::CountPush;
 use crate::gpu::memory::Location;
@@ -28,9 +29,10 @@ use crate::gpu::resource::Buffer;
 use crate::gpu::retire::{RetireQueue, Retired};
 use crate::gpu::upload::Upload;
 use crate::host::{CloudId, FrameInput, Host, Instance, Requirements, TargetFormats};
-use crate::select::DrawList;
-use crate::stats::{FrameStats, PassTime, Skip};
+use crate::select::{DrawList, Slabs};
+use crate::stats::{FrameStats, OrderedAccess, PassTime, Skip};
 use crate::structure::Flat;
+use crate::style::Voronoi;
 use crate::technique::Blend;
 
 /// Draws clouds into frames that a host records.
@@ -44,6 +46,7 @@ pub struct Renderer {
     clouds: BTreeMap<CloudId, DeviceCloud>,
     next_cloud: u64,
     targets: Option<Targets>,
+    layers: Option<Layers>,
     slots: Vec<Slot>,
     retired: RetireQueue,
     /// Filled, not yet recorded: the copies of a `prepare` that failed after them wait here for the next one.
@@ -67,10 +70,10 @@ struct Staged {
 struct Current {
     slot: usize,
     plan: FramePlan,
-    blend: Blend,
+    /// What comes before the splats, or folds their layers.
+    before: Option<Before>,
     resolve: resolve::Variant,
     area: vk::Rect2D,
-    host_depth: bool,
     clouds: Vec<CloudId>,
     views: Vec<Vec<Draw>>,
 }
@@ -106,7 +109,7 @@ impl Renderer {
             offset: 0,
             size: size_of::<CountPush>() as u32,
         };
-        let splats = Program::new(&context, "splats", SHADERS, true, Some(push))?;
+        let splats = Program::new(&context, "splats", &shaders(&context.enabled), true, Some(push))?;
         let composite = match Composite::new(&context, formats) {
             Ok(composite) => composite,
             Err(e) => {
@@ -124,6 +127,7 @@ impl Renderer {
             clouds: BTreeMap::new(),
             next_cloud: 1,
             targets: None,
+            layers: None,
             slots: Vec::new(),
             retired: RetireQueue::default(),
             staged: Vec::new(),
@@ -184,19 +188,22 @@ impl Renderer {
         }
         debug_assert!(input.views.iter().all(|v| v.depth == input.views[0].depth), "one depth convention a target");
         self.current = None;
-        let mut stats = FrameStats { frame: input.id, sums: input.style.sums, ..FrameStats::default() };
-
         let traits: Vec<CloudTraits> = input.instances.iter().map(|i| self.cloud(i).traits()).collect();
-        let plan = FramePlan::new(
-            &input.technique,
-            input.style,
-            &traits,
-            self.formats.depth.is_some(),
-            input.host_depth.is_some(),
-            if self.context.enabled.large_points { self.context.limits.point_size_range[1] } else { 1.0 },
-        );
-        stats.skipped.clone_from(&plan.skipped);
+        let plan = FramePlan::new(&input.technique, input.style, &traits, &self.surroundings(input));
+        if plan.blend == Blend::Groups && traits.iter().any(|t| t.groups.is_none()) {
+            return Err(Error::Unsupported("groups of a cloud that has none: see `Flat::groups`".into()));
+        }
+        let mut stats = FrameStats {
+            frame: input.id,
+            sums: input.style.sums,
+            blend: plan.blend,
+            ordered: plan.ordered,
+            layers: plan.layers,
+            skipped: plan.skipped.clone(),
+            ..FrameStats::default()
+        };
         self.ensure_targets(input, &plan)?;
+        self.ensure_layers(input, &plan)?;
         let draws = (input.views.len() * input.instances.len()).max(1) as u64;
         let slot = self.ensure_slot(draws)?;
         self.stage()?;
@@ -207,8 +214,15 @@ impl Renderer {
         let sprite_limit = if plan.quads { f64::MAX } else { self.context.limits.point_size_range[1] as f64 };
         let mut params = Vec::new();
         let mut views = Vec::new();
-        for camera in &cameras {
+        for (camera, view) in cameras.iter().zip(input.views) {
             let mut draws = Vec::new();
+            let slabs = match plan.voronoi {
+                Voronoi::Slabs => {
+                    let drawn = input.instances.iter().map(|i| (&*self.cloud(i).flat, i.transform));
+                    Slabs::new(view, input.style, drawn)
+                }
+                Voronoi::Cones | Voronoi::Off => Slabs { near: 0.0, thickness: 1.0, count: 1 },
+            };
             let pairs = camera.needs_pairs(input.extent);
             for (i, (instance, cloud_traits)) in input.instances.iter().zip(&traits).enumerate() {
                 let flat = &self.cloud(instance).flat;
@@ -219,6 +233,7 @@ impl Renderer {
                     input.style,
                     plan.disc,
                     sprite_limit.min(3e38) as f32,
+                    &slabs,
                 );
                 let (matrix, _) = camera.eye_from_cloud(&instance.transform, flat.origin);
                 let radius_scale = input.style.radius_scale as f64 * scale(&instance.transform);
@@ -249,9 +264,10 @@ impl Renderer {
                 draws.push(Draw {
                     cloud: i,
                     params: (params.len() as u64 * PARAMS_STRIDE) as u32,
-                    main: variant(false),
+                    main: variant(Large::Never),
                     large,
-                    large_variant: variant(true),
+                    // Where the order counts, what a sprite cannot hold must not come after everything else.
+                    large_variant: variant(if plan.ordered.is_some() { Large::Too } else { Large::Only }),
                 });
                 params.push(block);
             }
@@ -264,7 +280,8 @@ impl Renderer {
                 reason: "no block has a splat near the eye or beyond the point size limit",
             });
         }
-        stats.pipelines_built = self.ensure_pipelines(input, &plan, &views)?;
+        let before = self.before(input, &plan);
+        stats.pipelines_built = self.ensure_pipelines(input, &plan, &views, before)?;
         self.ensure_indices(plan.quads || any_large)?;
 
         // Nothing fails from here on.
@@ -298,14 +315,13 @@ impl Renderer {
         stats.device_bytes = self.context.allocated;
         self.slots[slot].stats = Some(stats);
         let convention = input.views[0].depth;
-        let resolve = resolve::Variant::new(&plan, input.style, input.technique.blend, convention);
+        let resolve = resolve::Variant::new(&plan, input.style, convention);
         self.current = Some(Current {
             slot,
             plan,
-            blend: input.technique.blend,
+            before,
             resolve,
             area: vk::Rect2D { offset: input.offset, extent: input.extent },
-            host_depth: input.host_depth.is_some(),
             clouds,
             views,
         });
@@ -334,20 +350,26 @@ impl Renderer {
         let mut recorder = Recorder::new(&self.context, cmd, slot.timestamps.as_mut());
         for (layer, draws) in current.views.iter().enumerate() {
             let (context, composite, set) = (&self.context, &self.composite, slot.frame_set);
-            let seed = |cmd| composite.seed(context, cmd, set, layer as u32);
-            calls += match current.blend {
-                Blend::Fuzzy | Blend::Groups => unimplemented!(),
-                Blend::TwoPass => two_pass::draw(&mut recorder, targets, layer, &bindings, draws, |cmd| {
-                    if current.host_depth { seed(cmd) } else { 0 }
-                }),
-                Blend::Opaque => {
-                    opaque::draw(&mut recorder, targets, layer, &bindings, draws, current.host_depth.then_some(seed))
+            let folded = self.layers.as_ref().map(|l| (l.set, current.plan.layers));
+            let seed = current.before.map(|before| {
+                move |cmd| composite.draw_before(context, cmd, before, set, layer as u32, folded)
+            });
+            calls += match current.plan.blend {
+                Blend::TwoPass => two_pass::draw(&mut recorder, targets, layer, &bindings, draws, seed),
+                Blend::Opaque => opaque::draw(&mut recorder, targets, layer, &bindings, draws, seed),
+                Blend::Fuzzy => {
+                    let access = current.plan.ordered.expect("planned with a way to be drawn");
+                    fuzzy::draw(&mut recorder, targets, layer, &bindings, draws, access, seed)
+                }
+                Blend::Groups => {
+                    let layers = self.layers.as_mut().expect("made by prepare");
+                    let fold = seed.expect("layers are always folded");
+                    groups::draw(&mut recorder, targets, layer, layers, &bindings, draws, fold)
                 }
             };
         }
         // Ready for `composite`, which may not place barriers inside the host's pass.
-        let (depth, sums) = targets.split();
-        recorder.barrier(sums.chain([depth]).map(|i| Use::Image(i, Access::FragmentRead)).collect());
+        recorder.barrier(targets.images().map(|i| Use::Image(i, Access::FragmentRead)).collect());
         if let Some(stats) = &mut slot.stats {
             stats.draw_calls += calls;
         }
@@ -433,6 +455,9 @@ impl Renderer {
         if let Some(targets) = self.targets {
             targets.destroy(context);
         }
+        if let Some(layers) = self.layers {
+            layers.destroy(context);
+        }
         if let Some(indices) = self.indices {
             indices.destroy(context);
         }
@@ -446,12 +471,40 @@ impl Renderer {
         self.clouds.get(&instance.cloud).expect("an instance's cloud was added and not removed")
     }
 
+    fn surroundings(&self, input: &FrameInput) -> Surroundings {
+        let enabled = &self.context.enabled;
+        Surroundings {
+            depth_target: self.formats.depth.is_some(),
+            host_depth: input.host_depth.is_some(),
+            sprite_limit: if enabled.large_points { self.context.limits.point_size_range[1] } else { 1.0 },
+            ordered: match (enabled.rasterization_order, enabled.interlock) {
+                (true, _) => Some(OrderedAccess::RasterizationOrder),
+                (false, Interlock::Pixel | Interlock::Implicit) => Some(OrderedAccess::Interlock),
+                (false, Interlock::Absent) => None,
+            },
+            output_layer: enabled.output_layer,
+        }
+    }
+
+    /// The full-screen pass that a frame needs before `composite`.
+    fn before(&self, input: &FrameInput, plan: &FramePlan) -> Option<Before> {
+        let Some(targets) = &self.targets else { unreachable!("made before") };
+        let (sums, surface, host_depth) = (targets.plan.sums, targets.plan.surface, input.host_depth.is_some());
+        match plan.blend {
+            Blend::Groups => Some(Before::Fold { sums, surface, normals: plan.lit, host_depth }),
+            _ if !host_depth => None,
+            Blend::Fuzzy => Some(Before::SeedFront { sums, surface }),
+            Blend::TwoPass | Blend::Opaque => Some(Before::SeedDepth),
+        }
+    }
+
     fn ensure_targets(&mut self, input: &FrameInput, plan: &FramePlan) -> Result<()> {
         let mut wanted = TargetPlan {
             extent: input.extent,
             layers: input.views.len() as u32,
             surface: plan.surface(),
             sums: input.style.sums,
+            ordered: plan.ordered,
         };
         if let Some(old) = &self.targets {
             if old.plan == wanted {
@@ -460,13 +513,31 @@ impl Renderer {
             // Of the same size, attachments are only ever added: styles that alternate must not remake them.
             if old.plan.extent == wanted.extent && old.plan.layers == wanted.layers {
                 wanted.surface |= old.plan.surface;
+                wanted.ordered = wanted.ordered.or(old.plan.ordered);
                 if old.plan == wanted {
                     return Ok(());
                 }
             }
         }
-        let made = Targets::new(&mut self.context, wanted)?;
+        let made = Targets::new(&mut self.context, wanted, &self.splats, &mut self.pipelines.passes)?;
         if let Some(old) = self.targets.replace(made) {
+            old.retire(&mut self.retired, self.newest);
+        }
+        Ok(())
+    }
+
+    /// The layers of `groups`: as many as the frame needs, kept while they are enough.
+    fn ensure_layers(&mut self, input: &FrameInput, plan: &FramePlan) -> Result<()> {
+        if plan.blend != Blend::Groups {
+            return Ok(());
+        }
+        let wanted =
+            LayerPlan { extent: input.extent, count: plan.layers, normals: plan.lit, sums: input.style.sums };
+        if self.layers.as_ref().is_some_and(|old| old.plan == wanted) {
+            return Ok(());
+        }
+        let made = Layers::new(&mut self.context, wanted, &self.composite.program, self.composite.sampler)?;
+        if let Some(old) = self.layers.replace(made) {
             old.retire(&mut self.retired, self.newest);
         }
         Ok(())
@@ -531,13 +602,23 @@ impl Renderer {
         bytes
     }
 
-    fn ensure_pipelines(&mut self, input: &FrameInput, plan: &FramePlan, views: &[Vec<Draw>]) -> Result<u32> {
-        let roles: &[Role] = match input.technique.blend {
-            Blend::TwoPass => &[Role::Visibility, Role::Accumulate],
-            Blend::Fuzzy | Blend::Groups => unimplemented!(),
-            Blend::Opaque => &[Role::Opaque],
+    fn ensure_pipelines(
+        &mut self,
+        input: &FrameInput,
+        plan: &FramePlan,
+        views: &[Vec<Draw>],
+        before: Option<Before>,
+    ) -> Result<u32> {
+        let roles: &[Role] = match (plan.blend, plan.ordered) {
+            (Blend::Fuzzy, Some(access)) => &[Role::Fuzzy(access)],
+            (Blend::TwoPass | Blend::Fuzzy, _) => &[Role::Visibility, Role::Accumulate],
+            (Blend::Groups, _) => &[Role::Groups],
+            (Blend::Opaque, _) => &[Role::Opaque],
         };
         let mut built = 0;
+        if let Some(before) = before {
+            built += self.composite.ensure_before(&self.context, before)? as u32;
+        }
         for draw in views.iter().flatten() {
             for &role in roles {
                 for variant in [draw.main, draw.large_variant] {
@@ -549,7 +630,7 @@ impl Renderer {
                 built += self.pipelines.ensure(&self.context, &self.splats, variant)? as u32;
             }
         }
-        let resolve = resolve::Variant::new(plan, input.style, input.technique.blend, input.views[0].depth);
+        let resolve = resolve::Variant::new(plan, input.style, input.views[0].depth);
         built += self.composite.ensure(&self.context, resolve)? as u32;
         Ok(built)
     }

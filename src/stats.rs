@@ -1,6 +1,18 @@
 //! What a frame did, and what it did not have to do.
 
 use crate::style::SumPrecision;
+use crate::technique::{Blend, names};
+
+/// How fragments of a pixel are blended one after the other, in the order of submission.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum OrderedAccess {
+    /// The pass reads its own attachments: `VK_EXT_rasterization_order_attachment_access`.
+    RasterizationOrder,
+    /// Fragments take turns at storage images: `VK_EXT_fragment_shader_interlock`.
+    Interlock,
+}
+
+names!(OrderedAccess { RasterizationOrder = "rasterization-order", Interlock = "interlock" });
 
 /// A stage that did not run.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,6 +67,12 @@ pub struct FrameStats {
     pub culled: Option<Culled>,
     /// Precision of the sums.
     pub sums: SumPrecision,
+    /// The blend that was drawn: `two-pass` where the device has no way for `fuzzy`, see [`skipped`](Self::skipped).
+    pub blend: Blend,
+    /// How `fuzzy` was drawn; `None` for other blends.
+    pub ordered: Option<OrderedAccess>,
+    /// Layers that `groups` drew into, K; 0 for other blends.
+    pub layers: u32,
     /// Recorded draw and dispatch calls.
     pub draw_calls: u32,
     /// In order; empty where the device has no timestamps.

@@ -37,12 +37,13 @@ pub enum Order {
 }
 
 /// How fragments of one pixel become one colour.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[non_exhaustive]
 pub enum Blend {
     /// The nearest fragment alone.
     Opaque,
     /// Visibility, then weighted sums of what lies within the tolerance of the front, then one division a pixel.
+    #[default]
     TwoPass,
     /// Depth test and blending in one pass, fragment by fragment in the order of submission (Dachsbacher, Vogelgsang,
     /// Stamminger: Sequential Point Trees, 2003, section 5). Where a device has no ordered access to its attachments,

@@ -4,23 +4,30 @@
 #include "frame.glsl"
 #include "shade.glsl"
 #include "srgb.glsl"
+#include "blend/hidden.glsl"
+
+const int HIDDEN_STENCIL = 0;
+const int HIDDEN_SIGN = 1;      // in the sign of Σ w
+const int HIDDEN_SOLID = 2;     // opaque: coverage is all or nothing
 
 // Set in src/composite/resolve.rs.
 layout(constant_id = 0) const int SHADE = SHADE_NONE;
 layout(constant_id = 1) const bool EYE_DOME = false;
 layout(constant_id = 2) const bool WRITE_DEPTH = true;
 layout(constant_id = 3) const bool ENCODE_SRGB = false;  // the target's format does not encode by itself
-layout(constant_id = 4) const bool SOLID = false;        // opaque: coverage is all or nothing
+layout(constant_id = 4) const int HIDDEN = HIDDEN_STENCIL;   // where it stands that the front hides something of ours
+layout(constant_id = 5) const bool FRONT = false;        // the front's depth is in `front`, not in `surface`
 
 layout(set = 0, binding = 1) uniform sampler2DArray color_sum;
 layout(set = 0, binding = 2) uniform sampler2DArray surface;    // Σ w n, −z of the front
 
 layout(set = 0, binding = 4) uniform usampler2DArray hidden;    // not 0: the front hides something of ours
+layout(set = 0, binding = 5) uniform sampler2DArray front;      // limit, z of the front
 
 layout(location = 0) out vec4 out_color;
 
 float front_depth(ivec2 at, int view) {
-    return -texelFetch(surface, ivec3(at, view), 0).w;
+    return FRONT ? texelFetch(front, ivec3(at, view), 0).y : -texelFetch(surface, ivec3(at, view), 0).w;
 }
 
 // Eye-dome lighting (Boucheny 2009): mean over eight neighbours of how many octaves of depth this pixel lies behind them.
@@ -32,7 +39,7 @@ float shadow(ivec2 at, int view, float z) {
         if (any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, frame.extent))) {
             continue;
         }
-        if (texelFetch(color_sum, ivec3(other, view), 0).a > 0.0) {
+        if (abs(texelFetch(color_sum, ivec3(other, view), 0).a) > 0.0) {
             sum += max(0.0, log2(max(z, 1e-30)) - log2(max(front_depth(other, view), 1e-30)));
         }
     }
@@ -44,6 +51,8 @@ void main() {
     vec2 pixel = gl_FragCoord.xy - frame.offset;
     ivec2 at = ivec2(floor(pixel));
     vec4 sum = texelFetch(color_sum, ivec3(at, view), 0);
+    bool marked = HIDDEN == HIDDEN_SIGN && is_hidden(sum.a);
+    sum.a = abs(sum.a);
     if (!(sum.a > 0.0)) {
         discard;
     }
@@ -67,7 +76,10 @@ void main() {
         c = srgb_from_linear(c);
     }
     // Where the front hides another fragment, what its soft rim would let through is not the background.
-    bool solid = SOLID || texelFetch(hidden, ivec3(at, view), 0).x != 0u;
+    bool solid = HIDDEN == HIDDEN_SOLID || marked;
+    if (HIDDEN == HIDDEN_STENCIL) {
+        solid = texelFetch(hidden, ivec3(at, view), 0).x != 0u;
+    }
     float alpha = solid ? 1.0 : min(1.0, 2.0 * sum.a);
     out_color = vec4(c * alpha, alpha);
     float depth = WRITE_DEPTH

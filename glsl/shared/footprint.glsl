@@ -17,7 +17,7 @@ float footprint(vec2 fragment, out float z) {
         return max(abs(d.x), abs(d.y)) <= 0.5 * params.pixel_size ? 0.0 : MISS;
     }
     float on_disk = MISS;
-    if (LARGE) {
+    if (LARGE == LARGE_ONLY || (LARGE == LARGE_TOO && v_centre.w < 0.0)) {
         vec3 base, direction;
         pixel_ray(fragment, base, direction);
         vec3 c = v_frame.xyz;
@@ -39,7 +39,7 @@ float footprint(vec2 fragment, out float z) {
             z = v_centre.z + dot(ab, v_plane.xy);
         }
     }
-    z = clamp(z, v_centre.z - v_centre.w, v_centre.z + v_centre.w);
+    z = clamp(z, v_centre.z - abs(v_centre.w), v_centre.z + abs(v_centre.w));
     if (z < params.near) {
         return MISS;
     }

@@ -23,11 +23,22 @@ layout(set = 0, binding = 0, std140) uniform DrawParams {
     float low_pass;         // ρ [px]
     float sprite_limit;     // largest point size [px]; quads: 3·10³⁸
     float pixel_size;       // side of FOOTPRINT_PIXELS [px]
+    float slab_near;        // linear depth where the first slab begins, see blend/voronoi.glsl
+    float slab_thickness;   // [world units]
+    float slab_count;
 } params;
 
 const int FOOTPRINT_SPLAT = 0;      // Gaussian disk
 const int FOOTPRINT_DISC = 1;       // hard disc
 const int FOOTPRINT_PIXELS = 2;     // square of a given size
+
+const int LARGE_NEVER = 0;      // they are left out
+const int LARGE_ONLY = 1;       // nothing else is drawn
+const int LARGE_TOO = 2;        // everything is, in stored order
+
+const int VORONOI_OFF = 0;      // the nearest fragment of a group
+const int VORONOI_CONES = 1;    // the least z + ε u
+const int VORONOI_SLABS = 2;    // as published
 
 // Set in src/draw/variant.rs.
 layout(constant_id = 0) const int FOOTPRINT = FOOTPRINT_SPLAT;
@@ -37,7 +48,9 @@ layout(constant_id = 3) const bool HAS_NORMAL = true;
 layout(constant_id = 4) const bool HAS_COLOR = true;
 layout(constant_id = 6) const bool CASTS = false;       // what comes near the eye is bounded: LARGE, and counting
 layout(constant_id = 7) const bool PAIRS = false;       // projected centres in pairs of floats: see pixel.glsl
-layout(constant_id = 5) const bool LARGE = false;       // draws the splats that a sprite cannot hold, and only those
+layout(constant_id = 5) const int LARGE = LARGE_NEVER;  // what becomes of the splats that a sprite cannot hold
+layout(constant_id = 8) const int VORONOI = VORONOI_OFF;
+layout(constant_id = 9) const bool FRONT_FIRST = false; // the front is the fragment that came first (as published)
 
 bool is_perspective() { return params.depth_map.z != 0.0; }
 

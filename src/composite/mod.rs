@@ -2,4 +2,4 @@
 
 pub mod resolve;
 
-pub use resolve::Composite;
+pub use resolve::{Before, Composite};

@@ -5,15 +5,15 @@ use std::collections::HashMap;
 use ash::vk;
 
 use crate::draw::plan::FramePlan;
-use crate::draw::targets::DEPTH;
+use crate::draw::targets::{DEPTH, FRONT, SURFACE, sums_format};
 use crate::error::Result;
 use crate::gpu::Context;
-use crate::gpu::layout::SeedPush;
+use crate::gpu::layout::PassPush;
 use crate::gpu::program::{BlendMode, ColorTarget, DepthMode, GraphicsInfo, Program};
 use crate::gpu::spirv::generated as spirv;
 use crate::host::{PassKind, TargetFormats};
 use crate::select::DepthConvention;
-use crate::style::{Shading, Style};
+use crate::style::{Shading, Style, SumPrecision};
 use crate::technique::Blend;
 
 /// What distinguishes the pipelines: the specialisation constants of `glsl/composite/resolve.frag`, and the host's
@@ -22,20 +22,27 @@ use crate::technique::Blend;
 pub struct Variant {
     shade: u32,
     eye_dome: bool,
-    solid: bool,
+    hidden: u32,
+    front: bool,
     convention: DepthConvention,
 }
 
 impl Variant {
     /// The variant of a frame.
-    pub fn new(plan: &FramePlan, style: &Style, blend: Blend, convention: DepthConvention) -> Variant {
+    pub fn new(plan: &FramePlan, style: &Style, convention: DepthConvention) -> Variant {
         let shade = match style.shading {
             _ if !plan.lit => 0,
             Shading::None => 0,
             Shading::Headlight { .. } => 1,
             Shading::Phong { .. } => 2,
         };
-        Variant { shade, eye_dome: style.eye_dome.is_some(), solid: blend == Blend::Opaque, convention }
+        let hidden = match plan.blend {
+            Blend::TwoPass => 0,
+            Blend::Fuzzy | Blend::Groups => 1,
+            Blend::Opaque => 2,
+        };
+        let front = plan.blend == Blend::Fuzzy;
+        Variant { shade, eye_dome: style.eye_dome.is_some(), hidden, front, convention }
     }
 }
 
@@ -55,7 +62,32 @@ pub struct Composite {
     pub sampler: vk::Sampler,
     formats: TargetFormats,
     resolve: HashMap<Variant, vk::Pipeline>,
-    seed: vk::Pipeline,
+    before: HashMap<Before, vk::Pipeline>,
+}
+
+/// A full-screen pass into the library's own targets, before `composite`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Before {
+    /// The host's depth as depth.
+    SeedDepth,
+    /// The host's depth as the limit of `fuzzy`.
+    SeedFront {
+        /// Of the sums in the same pass.
+        sums: SumPrecision,
+        /// Normals are there too.
+        surface: bool,
+    },
+    /// The layers of `groups` into one.
+    Fold {
+        /// Of the sums.
+        sums: SumPrecision,
+        /// Normals or depth are wanted.
+        surface: bool,
+        /// The layers have normals.
+        normals: bool,
+        /// The host's geometry hides what is behind it.
+        host_depth: bool,
+    },
 }
 
 impl Composite {
@@ -64,20 +96,28 @@ impl Composite {
         let push = vk::PushConstantRange {
             stage_flags: vk::ShaderStageFlags::FRAGMENT,
             offset: 0,
-            size: size_of::<SeedPush>() as u32,
+            size: size_of::<PassPush>() as u32,
         };
-        let shaders =
-            &[&spirv::COMPOSITE_TRIANGLE_VERT, &spirv::COMPOSITE_RESOLVE_FRAG, &spirv::COMPOSITE_SEED_DEPTH_FRAG];
+        let shaders = &[
+            &spirv::COMPOSITE_TRIANGLE_VERT,
+            &spirv::COMPOSITE_RESOLVE_FRAG,
+            &spirv::COMPOSITE_SEED_DEPTH_FRAG,
+            &spirv::COMPOSITE_SEED_FRONT_FRAG,
+            &spirv::COMPOSITE_FOLD_FRAG,
+        ];
         let program = Program::new(context, "composite", shaders, false, Some(push))?;
         let mut composite = Composite {
             program,
             sampler: vk::Sampler::null(),
             formats,
             resolve: HashMap::new(),
-            seed: vk::Pipeline::null(),
+            before: HashMap::new(),
         };
-        match composite.build(context) {
-            Ok(()) => Ok(composite),
+        match context.nearest_sampler() {
+            Ok(sampler) => {
+                composite.sampler = sampler;
+                Ok(composite)
+            }
             Err(e) => {
                 composite.destroy(context);
                 Err(e)
@@ -85,30 +125,48 @@ impl Composite {
         }
     }
 
-    fn build(&mut self, context: &Context) -> Result<()> {
-        self.sampler = context.nearest_sampler()?;
-        self.seed = self.program.graphics(
+    /// Builds a pass before `composite` if it is new, and says whether it was.
+    pub fn ensure_before(&mut self, context: &Context, before: Before) -> Result<bool> {
+        if self.before.contains_key(&before) {
+            return Ok(false);
+        }
+        let target = |format, blend| ColorTarget { format, blend };
+        let (name, fragment, constants, colors) = match before {
+            Before::SeedDepth => ("seed_depth", &spirv::COMPOSITE_SEED_DEPTH_FRAG, vec![], vec![]),
+            Before::SeedFront { sums, surface } => {
+                let mut colors =
+                    vec![target(sums_format(sums), BlendMode::Keep), target(FRONT, BlendMode::Replace)];
+                colors.extend(surface.then_some(target(SURFACE, BlendMode::Keep)));
+                ("seed_front", &spirv::COMPOSITE_SEED_FRONT_FRAG, vec![], colors)
+            }
+            Before::Fold { sums, surface, normals, host_depth } => {
+                let mut colors = vec![target(sums_format(sums), BlendMode::Replace)];
+                colors.extend(surface.then_some(target(SURFACE, BlendMode::Replace)));
+                let constants = vec![surface as u32, normals as u32, host_depth as u32];
+                ("fold", &spirv::COMPOSITE_FOLD_FRAG, constants, colors)
+            }
+        };
+        let compare = vk::CompareOp::ALWAYS;
+        let depth = DepthMode { format: DEPTH, compare, write: true, mark_hidden: false };
+        let pipeline = self.program.graphics(
             context,
             &GraphicsInfo {
-                name: "seed_depth",
+                name,
                 vertex: &spirv::COMPOSITE_TRIANGLE_VERT,
-                fragment: &spirv::COMPOSITE_SEED_DEPTH_FRAG,
-                constants: &[],
+                fragment,
+                constants: &constants,
                 streams: &[],
                 topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-                colors: &[],
-                depth: Some(DepthMode {
-                    format: DEPTH,
-                    compare: vk::CompareOp::ALWAYS,
-                    write: true,
-                    mark_hidden: false,
-                }),
+                colors: &colors,
+                depth: (before == Before::SeedDepth).then_some(depth),
                 samples: vk::SampleCountFlags::TYPE_1,
                 view_mask: 0,
                 render_pass: None,
+                ordered: false,
             },
         )?;
-        Ok(())
+        self.before.insert(before, pipeline);
+        Ok(true)
     }
 
     /// Builds the variant if it is new, and says whether it was.
@@ -132,7 +190,8 @@ impl Composite {
                     variant.eye_dome as u32,
                     formats.depth.is_some() as u32,
                     formats.encode_srgb as u32,
-                    variant.solid as u32,
+                    variant.hidden,
+                    variant.front as u32,
                 ],
                 streams: &[],
                 topology: vk::PrimitiveTopology::TRIANGLE_LIST,
@@ -147,18 +206,31 @@ impl Composite {
                     PassKind::Dynamic => None,
                     PassKind::RenderPass { pass, subpass } => Some((pass, subpass)),
                 },
+                ordered: false,
             },
         )?;
         self.resolve.insert(variant, pipeline);
         Ok(true)
     }
 
-    /// Fills a view's depth from the host's, inside a pass with that depth alone. Returns the number of draw calls.
-    pub fn seed(&self, context: &Context, cmd: vk::CommandBuffer, set: vk::DescriptorSet, view: u32) -> u32 {
-        let push = SeedPush { view, padding: [] };
+    /// Draws a pass before `composite` that was ensured: of a view, inside a pass with its attachments. `set` is the
+    /// frame's, `layers` the set and number of the layers of `groups`, if they are folded. Returns the number of draw calls.
+    pub fn draw_before(
+        &self,
+        context: &Context,
+        cmd: vk::CommandBuffer,
+        before: Before,
+        set: vk::DescriptorSet,
+        view: u32,
+        layers: Option<(vk::DescriptorSet, u32)>,
+    ) -> u32 {
+        let push = PassPush { view, layers: layers.map_or(0, |(_, count)| count), padding: [] };
         let layout = self.program.layout;
-        context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.seed);
+        context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.before[&before]);
         context.bind_sets(cmd, vk::PipelineBindPoint::GRAPHICS, layout, 0, &[set], &[]);
+        if let Some((layers, _)) = layers {
+            context.bind_sets(cmd, vk::PipelineBindPoint::GRAPHICS, layout, 1, &[layers], &[]);
+        }
         context.push(cmd, layout, vk::ShaderStageFlags::FRAGMENT, bytemuck::bytes_of(&push));
         context.draw(cmd, 0, 3);
         1
@@ -184,7 +256,7 @@ impl Composite {
 
     /// Destroys everything; nothing is in use.
     pub fn destroy(self, context: &Context) {
-        self.resolve.into_values().chain([self.seed]).for_each(|pipeline| context.destroy_pipeline(pipeline));
+        self.resolve.into_values().chain(self.before.into_values()).for_each(|pipeline| context.destroy_pipeline(pipeline));
         context.destroy_sampler(self.sampler);
         self.program.destroy(context);
     }

@@ -33,17 +33,19 @@ pub struct Chunk {
     pub normals: Option<Buffer>,
     /// sRGB colours.
     pub colors: Option<Buffer>,
-    /// The three as storage, for shaders that pull.
+    /// Groups, a byte a point.
+    pub groups: Option<Buffer>,
+    /// The four as storage, for shaders that pull.
     pub set: vk::DescriptorSet,
 }
 
 impl Chunk {
     /// The buffers in the order of vertex streams and bindings; missing ones are stood in for by the geometry, which is
     /// at least as large and is not read.
-    pub fn streams(&self) -> [vk::Buffer; 3] {
+    pub fn streams(&self) -> [vk::Buffer; 4] {
         let geometry = self.geometry.handle;
         let or = |b: &Option<Buffer>| b.as_ref().map_or(geometry, |b| b.handle);
-        [geometry, or(&self.normals), or(&self.colors)]
+        [geometry, or(&self.normals), or(&self.colors), or(&self.groups)]
     }
 }
 
@@ -61,7 +63,7 @@ impl DeviceCloud {
     /// Nothing is uploaded yet.
     pub fn new(context: &Context, flat: Arc<Flat>) -> Result<DeviceCloud> {
         let sets = flat.len().div_ceil(CHUNK).max(1) as u32;
-        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 3 * sets }];
+        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 4 * sets }];
         let pool = context.descriptor_pool("cloud.sets", sets, &sizes)?;
         Ok(DeviceCloud { flat, chunks: Vec::new(), pool })
     }
@@ -72,6 +74,7 @@ impl DeviceCloud {
             normals: self.flat.normals.is_some(),
             colors: self.flat.colors.is_some(),
             closed: self.flat.closed,
+            groups: self.flat.groups.as_ref().map(|g| (g.count, g.overlapping)),
         }
     }
 
@@ -98,7 +101,9 @@ impl DeviceCloud {
         let flat = Arc::clone(&self.flat);
         let geometry: &[u8] = bytemuck::cast_slice(&flat.geometry[range.clone()]);
         let normals: Option<&[u8]> = flat.normals.as_ref().map(|n| bytemuck::cast_slice(&n[range.clone()]));
-        let colors: Option<&[u8]> = flat.colors.as_ref().map(|c| bytemuck::cast_slice(&c[range]));
+        let colors: Option<&[u8]> = flat.colors.as_ref().map(|c| bytemuck::cast_slice(&c[range.clone()]));
+        let groups: Option<&[u8]> = flat.groups.as_ref().map(|g| &g.of[range]);
+        let streams = [("geometry", Some(geometry)), ("normals", normals), ("colors", colors), ("groups", groups)];
         let bytes = |data: Option<&[u8]>| data.map_or(0, |d| (d.len() as u64).next_multiple_of(16));
 
         let mut made = Vec::new();
@@ -106,13 +111,15 @@ impl DeviceCloud {
             | vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST;
         let all = (|| -> Result<(Upload, vk::DescriptorSet)> {
-            for (name, data) in [("geometry", Some(geometry)), ("normals", normals), ("colors", colors)] {
+            for (name, data) in streams {
                 if let Some(data) = data {
-                    made.push(Buffer::new(context, name, data.len() as u64, usage, Location::Device)?);
+                    // Bytes are read four at a time.
+                    let size = (data.len() as u64).next_multiple_of(4);
+                    made.push(Buffer::new(context, name, size, usage, Location::Device)?);
                 }
             }
-            let mut upload = Upload::new(context, bytes(Some(geometry)) + bytes(normals) + bytes(colors))?;
-            for (to, data) in made.iter().zip([Some(geometry), normals, colors].into_iter().flatten()) {
+            let mut upload = Upload::new(context, streams.iter().map(|(_, data)| bytes(*data)).sum())?;
+            for (to, data) in made.iter().zip(streams.iter().filter_map(|(_, data)| *data)) {
                 upload.write(to, data);
             }
             match self.allocate_set(context, program) {
@@ -133,10 +140,13 @@ impl DeviceCloud {
         let mut made = made.into_iter();
         let Some(geometry) = made.next() else { unreachable!("geometry was made") };
         let normals = flat.normals.is_some().then(|| made.next()).flatten();
-        let chunk = Chunk { first: first as u32, count: count as u32, geometry, normals, colors: made.next(), set };
+        let colors = flat.colors.is_some().then(|| made.next()).flatten();
+        let chunk = Chunk { first: first as u32, count: count as u32, geometry, normals, colors, groups: made.next(), set };
         let infos =
             chunk.streams().map(|buffer| [vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }]);
-        let writes: Vec<_> = (0..)
+        // Without shaders that choose a layer, the set has no place for the groups.
+        let bindings = if context.enabled.output_layer { 4 } else { 3 };
+        let writes: Vec<_> = (0..bindings)
             .zip(&infos)
             .map(|(binding, info)| {
                 vk::WriteDescriptorSet::default()
@@ -158,7 +168,7 @@ impl DeviceCloud {
     /// Gives everything up after `frame`.
     pub fn retire(self, queue: &mut RetireQueue, frame: u64) {
         for chunk in self.chunks {
-            for buffer in [Some(chunk.geometry), chunk.normals, chunk.colors].into_iter().flatten() {
+            for buffer in [Some(chunk.geometry), chunk.normals, chunk.colors, chunk.groups].into_iter().flatten() {
                 queue.push(frame, Retired::Buffer(buffer));
             }
         }

@@ -2,7 +2,10 @@
 
 pub mod cloud;
 pub mod count;
+pub mod fuzzy;
+pub mod groups;
 pub mod large;
+pub mod layers;
 pub mod opaque;
 pub mod params;
 pub mod plan;

@@ -29,7 +29,7 @@ pub fn draw(
         recorder.draw(
             "seed depth",
             vec![Use::layer(&mut targets.depth, Access::DepthWrite, first)],
-            &PassTargets { colors: &[], depth, extent },
+            &PassTargets { colors: &[], depth, extent, layers: 1 },
             |_, cmd| calls += seed(cmd),
         );
     }
@@ -37,7 +37,7 @@ pub fn draw(
     let (depth_image, sums) = targets.split();
     let mut uses = vec![Use::layer(depth_image, Access::DepthWrite, first && !seeded)];
     uses.extend(sums.map(|i| Use::layer(i, Access::ColorWrite, first)));
-    recorder.draw("opaque", uses, &PassTargets { colors: &colors, depth, extent }, |context, cmd| {
+    recorder.draw("opaque", uses, &PassTargets { colors: &colors, depth, extent, layers: 1 }, |context, cmd| {
         calls += bindings.draw(context, cmd, Role::Opaque, draws)
     });
     calls

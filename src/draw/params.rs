@@ -5,7 +5,7 @@ use glam::{DMat4, DVec3, DVec4, dvec2, dvec3, dvec4};
 
 use super::split::split;
 use crate::gpu::layout::{DrawParams, FrameParams, MAX_VIEWS, ViewParams};
-use crate::select::View;
+use crate::select::{Slabs, View};
 use crate::structure::Flat;
 use crate::style::{EyeDome, Footprint, Shading, Style};
 
@@ -132,6 +132,7 @@ impl Camera {
         style: &Style,
         disc: bool,
         sprite_limit: f32,
+        slabs: &Slabs,
     ) -> DrawParams {
         let (mut eye_from_cloud, scale) = self.eye_from_cloud(transform, flat.origin);
         let bounds = flat.bounds();
@@ -170,7 +171,10 @@ impl Camera {
                 Footprint::Pixels(size) => size,
                 Footprint::Splat => 0.0,
             },
-            padding: [0; 43],
+            slab_near: slabs.near as f32,
+            slab_thickness: slabs.thickness as f32,
+            slab_count: slabs.count as f32,
+            padding: [0; 40],
         }
     }
 

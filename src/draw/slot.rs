@@ -61,7 +61,7 @@ impl Slot {
                 count(vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, 1),
                 count(vk::DescriptorType::UNIFORM_BUFFER, 1),
                 count(vk::DescriptorType::STORAGE_BUFFER, 1),
-                count(vk::DescriptorType::COMBINED_IMAGE_SAMPLER, 4),
+                count(vk::DescriptorType::COMBINED_IMAGE_SAMPLER, 5),
             ];
             pool = context.descriptor_pool("slot.sets", 3, &sizes)?;
             timestamps = Timestamps::new(context)?;
@@ -135,6 +135,7 @@ impl Slot {
             image(targets.surface.as_ref().map_or(color, |i| i.array), sampled),
             host_depth.map_or(image(color, sampled), |d| image(d.view, d.layout)),
             image(targets.depth.array, sampled),
+            image(targets.front.as_ref().map_or(color, |i| i.array), sampled),
         ];
         let to =
             |set, binding, ty| vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding).descriptor_type(ty);

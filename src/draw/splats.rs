@@ -5,7 +5,8 @@ use ash::vk;
 use crate::gpu::Context;
 use crate::gpu::program::Program;
 use crate::gpu::resource::Buffer;
-use crate::structure::flat::BLOCK;
+use crate::stats::OrderedAccess;
+use crate::structure::flat::{BLOCK, Block};
 
 use super::cloud::{Chunk, DeviceCloud};
 use super::variant::{Pipelines, Role, Variant};
@@ -76,6 +77,48 @@ impl Bindings<'_> {
         calls
     }
 
+    /// Binds what `fuzzy` reads and writes, for all draws of a pass.
+    pub fn bind_ordered(
+        &self,
+        context: &Context,
+        cmd: vk::CommandBuffer,
+        access: OrderedAccess,
+        set: vk::DescriptorSet,
+    ) {
+        let number = match access {
+            OrderedAccess::RasterizationOrder => 3,
+            OrderedAccess::Interlock => 4,
+        };
+        self.bind_set(context, cmd, number, set, &[]);
+    }
+
+    /// The same for blends that depend on the order: every cloud in stored order, whatever a sprite can hold. Returns the
+    /// number of draw calls.
+    pub fn draw_ordered(&self, context: &Context, cmd: vk::CommandBuffer, role: Role, draws: &[Draw]) -> u32 {
+        let mut calls = 0;
+        for draw in draws {
+            let cloud = self.clouds[draw.cloud];
+            for chunk in &cloud.chunks {
+                let blocks = cloud.flat.blocks.iter().enumerate().map(|(i, b)| (i as u32, b));
+                let in_chunk = blocks.filter(|(_, b)| (chunk.first..chunk.first + chunk.count).contains(&b.first));
+                for (large, first, count) in runs(in_chunk.map(|(i, b)| (draw.large.binary_search(&i).is_ok(), b))) {
+                    let variant = if large { draw.large_variant } else { draw.main };
+                    self.bind(context, cmd, draw.params, Variant { role, ..variant });
+                    calls += if variant.quads {
+                        let end = first + count;
+                        let blocks = (first..end).step_by(BLOCK).map(|at| (at, BLOCK.min((end - at) as usize)));
+                        self.quads(context, cmd, chunk, blocks.map(|(at, n)| (at - chunk.first, n)))
+                    } else {
+                        context.bind_streams(cmd, &chunk.streams());
+                        context.draw(cmd, first - chunk.first, count);
+                        1
+                    };
+                }
+            }
+        }
+        calls
+    }
+
     fn bind(&self, context: &Context, cmd: vk::CommandBuffer, params: u32, variant: Variant) {
         context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.pipelines.get(&variant));
         self.bind_set(context, cmd, 0, self.params, &[params]);
@@ -115,6 +158,18 @@ impl Bindings<'_> {
     }
 }
 
+/// Consecutive blocks of one kind as (kind, first point, number of points).
+fn runs<'a>(blocks: impl Iterator<Item = (bool, &'a Block)>) -> Vec<(bool, u32, u32)> {
+    let mut runs: Vec<(bool, u32, u32)> = Vec::new();
+    for (kind, block) in blocks {
+        match runs.last_mut() {
+            Some((last, _, count)) if *last == kind => *count += block.count,
+            _ => runs.push((kind, block.first, block.count)),
+        }
+    }
+    runs
+}
+
 fn points(context: &Context, cmd: vk::CommandBuffer, chunk: &Chunk) -> u32 {
     context.bind_streams(cmd, &chunk.streams());
     context.draw(cmd, 0, chunk.count);
@@ -124,6 +179,17 @@ fn points(context: &Context, cmd: vk::CommandBuffer, chunk: &Chunk) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn runs_keep_the_order() {
+        let blocks: Vec<Block> = (0..5)
+            .map(|i| Block { first: 10 * i, count: 10 - i / 4, min: glam::Vec3::ZERO, max: glam::Vec3::ZERO, radius: 1.0 })
+            .collect();
+        let kinds = [false, false, true, false, false];
+        let found = runs(kinds.into_iter().zip(&blocks));
+        assert_eq!(found, [(false, 0, 20), (true, 20, 10), (false, 30, 19)]);
+        assert_eq!(runs([].into_iter()), []);
+    }
 
     #[test]
     fn a_block_of_quads_just_fits_sixteen_bit_indices() {

@@ -18,7 +18,7 @@ pub fn draw(
     layer: usize,
     bindings: &Bindings,
     draws: &[Draw],
-    seed: impl FnOnce(vk::CommandBuffer) -> u32,
+    seed: Option<impl FnOnce(vk::CommandBuffer) -> u32>,
 ) -> u32 {
     let mut calls = 0;
     let extent = targets.plan.extent;
@@ -27,9 +27,9 @@ pub fn draw(
     recorder.draw(
         "visibility",
         vec![Use::layer(&mut targets.depth, Access::DepthWrite, first)],
-        &PassTargets { colors: &[], depth, extent },
+        &PassTargets { colors: &[], depth, extent, layers: 1 },
         |context, cmd| {
-            calls += seed(cmd);
+            calls += seed.map_or(0, |seed| seed(cmd));
             calls += bindings.draw(context, cmd, Role::Visibility, draws);
         },
     );
@@ -37,7 +37,7 @@ pub fn draw(
     let (depth_image, sums) = targets.split();
     let mut uses = vec![Use::Image(depth_image, Access::DepthWrite)];
     uses.extend(sums.map(|i| Use::layer(i, Access::ColorWrite, first)));
-    recorder.draw("accumulate", uses, &PassTargets { colors: &colors, depth, extent }, |context, cmd| {
+    recorder.draw("accumulate", uses, &PassTargets { colors: &colors, depth, extent, layers: 1 }, |context, cmd| {
         calls += bindings.draw(context, cmd, Role::Accumulate, draws)
     });
     calls

@@ -5,29 +5,58 @@ use std::collections::HashMap;
 use ash::vk;
 
 use crate::error::Result;
-use crate::gpu::Context;
+use crate::gpu::ordered::OrderedPass;
 use crate::gpu::program::{BlendMode, ColorTarget, DepthMode, GraphicsInfo, Program, Stream};
 use crate::gpu::spirv::{Shader, generated as spirv};
-use crate::style::{Ellipse, Style};
+use crate::gpu::{Context, Enabled, Interlock};
+use crate::stats::OrderedAccess;
+use crate::style::{Ellipse, Front, Style, SumPrecision, Voronoi};
+use crate::technique::Blend;
 
+use super::layers::LAYER_DEPTH;
 use super::plan::{CloudTraits, FramePlan};
-use super::targets::{DEPTH, TargetPlan};
+use super::targets::{DEPTH, FRONT, SURFACE, TargetPlan, sums_format};
 
-/// Shaders that share the splats' layout: set 0 parameters, set 1 a chunk, set 2 counters.
-pub const SHADERS: &[&Shader] = &[
-    &spirv::DRAW_POINT_VERT,
-    &spirv::DRAW_QUAD_VERT,
-    &spirv::DRAW_VISIBILITY_FRAG,
-    &spirv::DRAW_ACCUMULATE_FRAG,
-    &spirv::DRAW_ACCUMULATE_SURFACE_FRAG,
-    &spirv::SELECT_COUNT_COMP,
-];
+/// Shaders that share the splats' layout, as far as the host enabled what they need: set 0 parameters, set 1 a chunk, set 2
+/// counters, set 3 attachments that are read, set 4 the same as storage.
+pub fn shaders(enabled: &Enabled) -> Vec<&'static Shader> {
+    let mut shaders = vec![
+        &spirv::DRAW_POINT_VERT,
+        &spirv::DRAW_QUAD_VERT,
+        &spirv::DRAW_VISIBILITY_FRAG,
+        &spirv::DRAW_ACCUMULATE_FRAG,
+        &spirv::DRAW_ACCUMULATE_SURFACE_FRAG,
+        &spirv::SELECT_COUNT_COMP,
+    ];
+    if enabled.rasterization_order {
+        shaders.extend([&spirv::DRAW_FUZZY_FRAG, &spirv::DRAW_FUZZY_SURFACE_FRAG]);
+    }
+    shaders.extend(interlock(enabled));
+    if enabled.output_layer {
+        shaders.extend([
+            &spirv::DRAW_POINT_LAYERED_VERT,
+            &spirv::DRAW_QUAD_LAYERED_VERT,
+            &spirv::DRAW_GROUPS_FRAG,
+            &spirv::DRAW_GROUPS_SURFACE_FRAG,
+        ]);
+    }
+    shaders
+}
 
-/// Vertex streams of `draw/point.vert`, in the order of `Chunk::streams`.
-const STREAMS: [Stream; 3] = [
+fn interlock(enabled: &Enabled) -> Option<&'static Shader> {
+    match enabled.interlock {
+        Interlock::Absent => None,
+        Interlock::Pixel => Some(&spirv::DRAW_FUZZY_INTERLOCK_FRAG),
+        Interlock::Implicit => Some(&spirv::DRAW_FUZZY_IMPLICIT_FRAG),
+    }
+}
+
+/// Vertex streams in the order of `Chunk::streams`; only `draw/point_layered.vert` reads the last one.
+const STREAMS: [Stream; 4] = [
     Stream { stride: 16, format: vk::Format::R32G32B32A32_SFLOAT },
     Stream { stride: 4, format: vk::Format::R32_UINT },
     Stream { stride: 4, format: vk::Format::R32_UINT },
+    Stream { stride: 1, format: vk::Format::R8_UINT },
 ];
 
 /// Which pass.
@@ -39,6 +68,10 @@ pub enum Role {
     Accumulate,
     /// The nearest fragment.
     Opaque,
+    /// Ordered depth test and blending, attachments or storage images.
+    Fuzzy(OrderedAccess),
+    /// One layer a group.
+    Groups,
     /// Counting: compute.
     Count,
 }
@@ -61,17 +94,33 @@ pub struct Variant {
     /// HAS_COLOR.
     pub colors: bool,
     /// LARGE.
-    pub large: bool,
+    pub large: Large,
     /// PAIRS.
     pub pairs: bool,
-    /// The second attachment, of normals and the front's depth, is there.
+    /// VORONOI.
+    pub voronoi: Voronoi,
+    /// FRONT_FIRST.
+    pub front: Front,
+    /// The last attachment, of normals and what else light or depth need, is there.
     pub surface: bool,
-    /// Formats of the attachments by location.
-    pub formats: [vk::Format; 2],
+    /// Precision of the sums of colours.
+    pub sums: SumPrecision,
+}
+
+/// What becomes of splats that a sprite cannot hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum Large {
+    /// They are left out.
+    Never = 0,
+    /// Nothing else is drawn: after the others.
+    Only = 1,
+    /// Everything is drawn, in stored order.
+    Too = 2,
 }
 
 impl Variant {
-    /// The variant that draws a cloud in a pass. `large`: only what sprites cannot hold, as quads. `pairs`: as
+    /// The variant that draws a cloud in a pass. `large` unless never: as quads. `pairs`: as
     /// [`Camera::needs_pairs`](super::params::Camera::needs_pairs) says.
     pub fn new(
         role: Role,
@@ -79,12 +128,12 @@ impl Variant {
         style: &Style,
         cloud: &CloudTraits,
         targets: &TargetPlan,
-        large: bool,
+        large: Large,
         pairs: bool,
     ) -> Variant {
         Variant {
             role,
-            quads: plan.quads || large,
+            quads: plan.quads || large != Large::Never,
             footprint: if plan.pixels { 2 } else { plan.disc as u32 },
             approximate: style.ellipse == Ellipse::Approximate,
             cull: plan.culls(style, cloud),
@@ -92,12 +141,14 @@ impl Variant {
             colors: cloud.colors,
             large,
             pairs,
-            surface: targets.surface,
-            formats: targets.formats(),
+            voronoi: plan.voronoi,
+            front: style.front,
+            surface: if plan.blend == Blend::Groups { plan.lit } else { targets.surface },
+            sums: style.sums,
         }
     }
 
-    fn build(&self, context: &Context, program: &Program) -> Result<vk::Pipeline> {
+    fn build(&self, context: &Context, program: &Program, passes: &mut OrderedPasses) -> Result<vk::Pipeline> {
         let constants = [
             self.footprint,
             self.approximate as u32,
@@ -106,46 +157,99 @@ impl Variant {
             // Depth alone needs no colour, so its decoding is left out.
             (self.colors && self.role != Role::Visibility) as u32,
             self.large as u32,
-            (self.large || self.role == Role::Count) as u32,
+            (self.large != Large::Never || self.role == Role::Count) as u32,
             self.pairs as u32,
+            match self.voronoi {
+                Voronoi::Off => 0,
+                Voronoi::Cones => 1,
+                Voronoi::Slabs => 2,
+            },
+            (self.front == Front::First) as u32,
+            self.surface as u32,
         ];
-        let attachments = if self.surface { 2 } else { 1 };
-        let accumulate = if self.surface { &spirv::DRAW_ACCUMULATE_SURFACE_FRAG } else { &spirv::DRAW_ACCUMULATE_FRAG };
-        let target = |i: usize, blend| ColorTarget { format: self.formats[i], blend };
-        let sums = [target(0, BlendMode::Add), target(1, BlendMode::AddMax)];
-        let nearest = [target(0, BlendMode::Replace), target(1, BlendMode::Replace)];
-        let greater = vk::CompareOp::GREATER_OR_EQUAL;
-        let (name, fragment, colors, depth): (_, _, &[ColorTarget], _) = match self.role {
-            Role::Count => return program.compute(context, "count", &spirv::SELECT_COUNT_COMP, &constants),
-            Role::Visibility => ("visibility", &spirv::DRAW_VISIBILITY_FRAG, &[], (vk::CompareOp::GREATER, true)),
-            Role::Accumulate => ("accumulate", accumulate, &sums[..attachments], (greater, false)),
-            Role::Opaque => ("opaque", accumulate, &nearest[..attachments], (vk::CompareOp::GREATER, true)),
+        let sum = ColorTarget { format: sums_format(self.sums), blend: BlendMode::Replace };
+        let surface = ColorTarget { format: SURFACE, blend: BlendMode::Replace };
+        let front = ColorTarget { format: FRONT, blend: BlendMode::Replace };
+        let with_surface = |mut colors: Vec<ColorTarget>| {
+            colors.extend(self.surface.then_some(surface));
+            colors
         };
+        let depth = |format, compare, write, mark_hidden| Some(DepthMode { format, compare, write, mark_hidden });
+        let accumulate = if self.surface { &spirv::DRAW_ACCUMULATE_SURFACE_FRAG } else { &spirv::DRAW_ACCUMULATE_FRAG };
+        let (greater, not_less) = (vk::CompareOp::GREATER, vk::CompareOp::GREATER_OR_EQUAL);
+        let mut pass = None;
+        let (name, fragment, colors, depth): (_, &Shader, Vec<ColorTarget>, _) = match self.role {
+            Role::Count => return program.compute(context, "count", &spirv::SELECT_COUNT_COMP, &constants),
+            Role::Visibility => {
+                ("visibility", &spirv::DRAW_VISIBILITY_FRAG, vec![], depth(DEPTH, greater, true, false))
+            }
+            Role::Accumulate => {
+                let mut colors = with_surface(vec![ColorTarget { blend: BlendMode::Add, ..sum }]);
+                colors.iter_mut().skip(1).for_each(|c| c.blend = BlendMode::AddMax);
+                ("accumulate", accumulate, colors, depth(DEPTH, not_less, false, true))
+            }
+            Role::Opaque => ("opaque", accumulate, with_surface(vec![sum]), depth(DEPTH, greater, true, false)),
+            Role::Fuzzy(OrderedAccess::RasterizationOrder) => {
+                pass = Some(passes.get(context, self.sums, self.surface)?);
+                let shader = if self.surface { &spirv::DRAW_FUZZY_SURFACE_FRAG } else { &spirv::DRAW_FUZZY_FRAG };
+                ("fuzzy", shader, with_surface(vec![sum, front]), None)
+            }
+            Role::Fuzzy(OrderedAccess::Interlock) => {
+                let shader = interlock(&context.enabled).expect("planned only where it is enabled");
+                ("fuzzy", shader, vec![], None)
+            }
+            Role::Groups => {
+                let shader = if self.surface { &spirv::DRAW_GROUPS_SURFACE_FRAG } else { &spirv::DRAW_GROUPS_FRAG };
+                ("groups", shader, with_surface(vec![sum, front]), depth(LAYER_DEPTH, greater, true, false))
+            }
+        };
+        let vertex = match (self.role == Role::Groups, self.quads) {
+            (false, false) => &spirv::DRAW_POINT_VERT,
+            (false, true) => &spirv::DRAW_QUAD_VERT,
+            (true, false) => &spirv::DRAW_POINT_LAYERED_VERT,
+            (true, true) => &spirv::DRAW_QUAD_LAYERED_VERT,
+        };
+        let streams = if self.role == Role::Groups { 4 } else { 3 };
         program.graphics(
             context,
             &GraphicsInfo {
                 name,
-                vertex: if self.quads { &spirv::DRAW_QUAD_VERT } else { &spirv::DRAW_POINT_VERT },
+                vertex,
                 fragment,
                 constants: &constants,
-                streams: if self.quads { &[] } else { &STREAMS },
+                streams: if self.quads { &[] } else { &STREAMS[..streams] },
                 topology: if self.quads {
                     vk::PrimitiveTopology::TRIANGLE_LIST
                 } else {
                     vk::PrimitiveTopology::POINT_LIST
                 },
-                colors,
-                depth: Some(DepthMode {
-                    format: DEPTH,
-                    compare: depth.0,
-                    write: depth.1,
-                    mark_hidden: self.role == Role::Accumulate,
-                }),
+                colors: &colors,
+                depth,
                 samples: vk::SampleCountFlags::TYPE_1,
                 view_mask: 0,
-                render_pass: None,
+                render_pass: pass.map(|pass: OrderedPass| (pass.clear, 0)),
+                ordered: pass.is_some(),
             },
         )
+    }
+}
+
+/// Render passes of `fuzzy`, by precision of the sums and whether there are normals: made when first needed.
+#[derive(Debug, Default)]
+pub struct OrderedPasses {
+    made: HashMap<(SumPrecision, bool), OrderedPass>,
+}
+
+impl OrderedPasses {
+    /// One that clears, for pipelines and targets.
+    pub fn get(&mut self, context: &Context, sums: SumPrecision, surface: bool) -> Result<OrderedPass> {
+        if let Some(pass) = self.made.get(&(sums, surface)) {
+            return Ok(*pass);
+        }
+        let formats = [sums_format(sums), FRONT, SURFACE];
+        let pass = context.ordered_pass(if surface { &formats } else { &formats[..2] })?;
+        self.made.insert((sums, surface), pass);
+        Ok(pass)
     }
 }
 
@@ -153,6 +257,8 @@ impl Variant {
 #[derive(Debug, Default)]
 pub struct Pipelines {
     built: HashMap<Variant, vk::Pipeline>,
+    /// What those of `fuzzy` are built for.
+    pub passes: OrderedPasses,
 }
 
 impl Pipelines {
@@ -161,7 +267,7 @@ impl Pipelines {
         if self.built.contains_key(&variant) {
             return Ok(false);
         }
-        let pipeline = variant.build(context, program)?;
+        let pipeline = variant.build(context, program, &mut self.passes)?;
         self.built.insert(variant, pipeline);
         Ok(true)
     }
@@ -174,5 +280,6 @@ impl Pipelines {
     /// Destroys them all; none is in use.
     pub fn destroy(self, context: &Context) {
         self.built.into_values().for_each(|pipeline| context.destroy_pipeline(pipeline));
+        self.passes.made.into_values().for_each(|pass| context.destroy_ordered_pass(pass));
     }
 }

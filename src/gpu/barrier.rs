@@ -15,6 +15,10 @@ pub enum Access {
     CopyWrite,
     /// Colour attachment, blended or not.
     ColorWrite,
+    /// Colour attachment that the fragments of a pass read and write, in order.
+    ColorOrdered,
+    /// Storage image that fragments read and write.
+    FragmentStorage,
     /// Depth and stencil attachment, tested or written.
     DepthWrite,
     /// Sampled in a fragment shader.
@@ -36,6 +40,11 @@ impl Access {
             Access::CopyRead => (S::COPY, A::TRANSFER_READ),
             Access::CopyWrite => (S::COPY | S::CLEAR, A::TRANSFER_WRITE),
             Access::ColorWrite => (S::COLOR_ATTACHMENT_OUTPUT, A::COLOR_ATTACHMENT_WRITE | A::COLOR_ATTACHMENT_READ),
+            Access::ColorOrdered => (
+                S::COLOR_ATTACHMENT_OUTPUT | S::FRAGMENT_SHADER,
+                A::COLOR_ATTACHMENT_WRITE | A::COLOR_ATTACHMENT_READ | A::INPUT_ATTACHMENT_READ,
+            ),
+            Access::FragmentStorage => (S::FRAGMENT_SHADER, A::SHADER_STORAGE_READ | A::SHADER_STORAGE_WRITE),
             Access::DepthWrite => (
                 S::EARLY_FRAGMENT_TESTS | S::LATE_FRAGMENT_TESTS,
                 A::DEPTH_STENCIL_ATTACHMENT_WRITE | A::DEPTH_STENCIL_ATTACHMENT_READ,
@@ -59,14 +68,23 @@ impl Access {
             Access::ColorWrite => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
             Access::DepthWrite => vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL,
             Access::FragmentRead => vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
-            Access::VertexRead | Access::ComputeWrite | Access::HostRead => vk::ImageLayout::GENERAL,
+            Access::ColorOrdered
+            | Access::FragmentStorage
+            | Access::VertexRead
+            | Access::ComputeWrite
+            | Access::HostRead => vk::ImageLayout::GENERAL,
         }
     }
 
     /// Whether the use leaves something to be made visible.
     pub fn writes(self) -> bool {
         match self {
-            Access::CopyWrite | Access::ColorWrite | Access::DepthWrite | Access::ComputeWrite => true,
+            Access::CopyWrite
+            | Access::ColorWrite
+            | Access::ColorOrdered
+            | Access::FragmentStorage
+            | Access::DepthWrite
+            | Access::ComputeWrite => true,
             Access::Undefined | Access::CopyRead | Access::FragmentRead | Access::VertexRead | Access::HostRead => {
                 false
             }

@@ -6,11 +6,31 @@ use ash::{ext, vk};
 
 use super::memory::GpuMemory;
 
+/// Whether fragment shaders can take turns at a pixel, in the order of submission.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Interlock {
+    /// They cannot.
+    #[default]
+    Absent,
+    /// Extension `VK_EXT_fragment_shader_interlock` with its feature `fragmentShaderPixelInterlock`, and the core features
+    /// `fragmentStoresAndAtomics` and `shaderStorageImageExtendedFormats`.
+    Pixel,
+    /// Without the extension, they do anyway: lavapipe runs the fragments of a pixel one after the other. Not by any
+    /// promise of Vulkan, so nothing sets it but tests, which cover the interlock's path by it.
+    Implicit,
+}
+
 /// What the host really enabled: nothing else is used, whatever the device could do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Enabled {
     /// Feature `largePoints`.
     pub large_points: bool,
+    /// Extension `VK_EXT_rasterization_order_attachment_access` and its feature `rasterizationOrderColorAttachmentAccess`.
+    pub rasterization_order: bool,
+    /// Fragment shaders take turns at a pixel.
+    pub interlock: Interlock,
+    /// Vulkan 1.2 feature `shaderOutputLayer`.
+    pub output_layer: bool,
     /// The queue family of the command buffers has timestamps.
     pub timestamps: bool,
     /// Instance extension `VK_EXT_debug_utils`.

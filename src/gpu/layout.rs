@@ -70,7 +70,13 @@ block! {
         sprite_limit: f32 = SPRITE_LIMIT,
         /// \[px\]
         pixel_size: f32 = PIXEL_SIZE,
-    } pad 43
+        /// \[world units\]
+        slab_near: f32 = SLAB_NEAR,
+        /// \[world units\]
+        slab_thickness: f32 = SLAB_THICKNESS,
+        /// Number of slabs.
+        slab_count: f32 = SLAB_COUNT,
+    } pad 40
 }
 
 block! {
@@ -138,10 +144,12 @@ block! {
 }
 
 block! {
-    /// Push constant of the depth seeding pass.
-    SeedPush = seed_push {
+    /// Push constant of the passes that come before `composite`.
+    PassPush = pass_push {
         /// Index of the view.
         view: u32 = VIEW,
+        /// Layers of `groups`.
+        layers: u32 = LAYERS,
     } pad 0
 }
 

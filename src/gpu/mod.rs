@@ -6,6 +6,7 @@ pub mod context;
 pub mod download;
 pub mod layout;
 pub mod memory;
+pub mod ordered;
 pub mod pass;
 pub mod program;
 pub mod query;
@@ -14,5 +15,5 @@ pub mod retire;
 pub mod spirv;
 pub mod upload;
 
-pub use context::{Context, Enabled};
+pub use context::{Context, Enabled, Interlock};
 pub use memory::{GpuMemory, Location, Memory, MemoryRequest, SharedAllocator};

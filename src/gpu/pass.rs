@@ -4,6 +4,7 @@ use ash::vk;
 
 use super::barrier::{self, Access};
 use super::context::Context;
+use super::ordered::OrderedTarget;
 use super::query::Timestamps;
 use super::resource::{Image, aspect};
 
@@ -57,6 +58,8 @@ pub struct Targets<'a> {
     pub colors: &'a [Attachment],
     /// Depth, and stencil if the format has it.
     pub depth: Option<DepthAttachment>,
+    /// Layers of every attachment, 1 unless the vertex stage chooses among several.
+    pub layers: u32,
     /// \[px\]
     pub extent: vk::Extent2D,
 }
@@ -104,7 +107,7 @@ impl<'a> Recorder<'a> {
             }
         });
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: targets.extent };
-        let mut info = vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
+        let mut info = vk::RenderingInfo::default().render_area(area).layer_count(targets.layers).color_attachments(&colors);
         if let (Some(depth), Some(target)) = (&depth, &targets.depth) {
             info = info.depth_attachment(depth);
             if aspect(target.format).contains(vk::ImageAspectFlags::STENCIL) {
@@ -120,6 +123,24 @@ impl<'a> Recorder<'a> {
         body(self.context, self.cmd);
         // SAFETY: the pass was begun above.
         unsafe { self.context.device.cmd_end_rendering(self.cmd) };
+        self.close();
+    }
+
+    /// A pass whose fragments read what those before them wrote, in order, with viewport and scissor set to the whole
+    /// target. The images are in the layout of [`Access::ColorOrdered`]; `clears` by attachment, or what is there is kept.
+    pub fn draw_ordered(
+        &mut self,
+        name: &'static str,
+        uses: Vec<Use>,
+        target: &OrderedTarget,
+        clears: Option<&[[f32; 4]]>,
+        body: impl FnOnce(&Context, vk::CommandBuffer),
+    ) {
+        self.open(name, uses);
+        self.context.begin_ordered(self.cmd, target, clears);
+        self.context.set_area(self.cmd, target.area());
+        body(self.context, self.cmd);
+        self.context.end_ordered(self.cmd);
         self.close();
     }
 

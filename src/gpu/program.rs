@@ -139,7 +139,10 @@ impl Program {
         let stencil = aspect(depth_format).contains(vk::ImageAspectFlags::STENCIL);
         let formats: Vec<_> = info.colors.iter().map(|c| c.format).collect();
         let blends: Vec<_> = info.colors.iter().map(|c| c.blend.state()).collect();
-        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
+        let mut blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
+        if info.ordered {
+            blend = blend.flags(vk::PipelineColorBlendStateCreateFlags::RASTERIZATION_ORDER_ATTACHMENT_ACCESS_EXT);
+        }
         let dynamic = vk::PipelineDynamicStateCreateInfo::default()
             .dynamic_states(&[vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR]);
         let mut rendering = vk::PipelineRenderingCreateInfo::default()
@@ -240,6 +243,8 @@ pub struct GraphicsInfo<'a> {
     pub view_mask: u32,
     /// Render pass and subpass; `None` for dynamic rendering.
     pub render_pass: Option<(vk::RenderPass, u32)>,
+    /// Fragments read what those before them wrote to the pass's attachments: the subpass is an ordered one.
+    pub ordered: bool,
 }
 
 /// What a pipeline does with depth.
@@ -276,6 +281,8 @@ pub struct ColorTarget {
 /// How a fragment enters an attachment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum BlendMode {
+    /// It does not.
+    Keep,
     /// It replaces.
     Replace,
     /// It is added.
@@ -300,6 +307,7 @@ impl BlendMode {
                 .dst_alpha_blend_factor(destination)
         };
         match self {
+            BlendMode::Keep => state.color_write_mask(vk::ColorComponentFlags::empty()),
             BlendMode::Replace => state,
             BlendMode::Add => blended(vk::BlendOp::ADD, vk::BlendFactor::ONE),
             BlendMode::AddMax => blended(vk::BlendOp::MAX, vk::BlendFactor::ONE),
@@ -329,5 +337,7 @@ fn descriptor_type(kind: Kind, dynamic_uniforms: bool) -> vk::DescriptorType {
         Kind::UniformBuffer => vk::DescriptorType::UNIFORM_BUFFER,
         Kind::StorageBuffer => vk::DescriptorType::STORAGE_BUFFER,
         Kind::SampledImage => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+        Kind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
+        Kind::InputAttachment => vk::DescriptorType::INPUT_ATTACHMENT,
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use super::context::Context;
+use super::ordered::OrderedTarget;
 use super::resource::{Buffer, Image};
 use ash::vk;
 
@@ -15,6 +16,8 @@ pub enum Retired {
     Image(Image),
     /// A descriptor pool with all its sets.
     DescriptorPool(vk::DescriptorPool),
+    /// The target of an ordered pass.
+    OrderedTarget(OrderedTarget),
 }
 
 impl Retired {
@@ -22,6 +25,7 @@ impl Retired {
         match self {
             Retired::Buffer(buffer) => buffer.destroy(context),
             Retired::Image(image) => image.destroy(context),
+            Retired::OrderedTarget(target) => context.destroy_ordered_target(target),
             // SAFETY: its frame is complete, so no set of it is in use; destroyed once.
             Retired::DescriptorPool(pool) => unsafe { context.device.destroy_descriptor_pool(pool, None) },
         }

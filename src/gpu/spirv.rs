@@ -20,6 +20,10 @@ pub enum Kind {
     StorageBuffer,
     /// Combined image and sampler.
     SampledImage,
+    /// Image that is loaded from and stored to.
+    StorageImage,
+    /// Attachment that the pass itself reads.
+    InputAttachment,
 }
 
 /// One reflected binding.

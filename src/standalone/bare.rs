@@ -50,6 +50,7 @@ pub fn measure(
         samples: vk::SampleCountFlags::TYPE_1,
         view_mask: 0,
         render_pass: None,
+        ordered: false,
     })?;
     let push = Push { clip_from_cloud: clip_from_cloud.to_cols_array_2d(), size };
     let mut times = Vec::new();
@@ -60,7 +61,7 @@ pub fn measure(
             timestamps.reset(context, cmd);
             let target = [Attachment { view: images[image].layers[0], clear: Some([0.0; 4]) }];
             let uses = vec![Use::Discard(&mut images[image], Access::ColorWrite)];
-            let targets = Targets { colors: &target, depth: None, extent };
+            let targets = Targets { colors: &target, depth: None, extent, layers: 1 };
             Recorder::new(context, cmd, Some(timestamps)).draw("bare", uses, &targets, |context, cmd| {
                 context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
                 context.push(cmd, layout, vk::ShaderStageFlags::VERTEX, bytemuck::bytes_of(&push));

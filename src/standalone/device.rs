@@ -9,7 +9,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use super::validation::{LAYER, Layers, Listener, Message};
 use crate::error::{Error, Named, Result};
 use crate::gpu::{Context, SharedAllocator};
-use crate::host::{Enabled, Host, Requirements};
+use crate::host::{Enabled, Host, Interlock, Requirements};
 
 /// What kind of device is wanted.
 #[derive(Debug, Clone, Default)]
@@ -20,8 +20,11 @@ pub struct Options {
     pub layers: Layers,
     /// Enable `VK_EXT_robustness2`: pictures must not change.
     pub robustness: bool,
-    /// Do without `largePoints`: forces quads, so that tests cover them.
-    pub without_large_points: bool,
+    /// Optional features to do without, by the names that [`Requirements`] has for them: forces what stands in, so that
+    /// tests cover it.
+    pub without: Vec<String>,
+    /// Take the interlock for granted where its extension is missing: see [`Interlock::Implicit`].
+    pub implicit_interlock: bool,
 }
 
 /// A device of this machine.
@@ -394,12 +397,16 @@ fn make_device(
         .position(|f| f.queue_flags.contains(both))
         .ok_or_else(|| Error::Unsupported("no queue family with graphics and compute".into()))? as u32;
 
-    let requirements = Requirements::query(instance, physical_device);
+    let mut requirements = Requirements::query(instance, physical_device);
+    requirements.without(&options.without)?;
     let mut enabled = requirements.enabled(debug_utils);
-    enabled.large_points &= !options.without_large_points;
     enabled.timestamps &= families[family as usize].timestamp_valid_bits > 0;
-    let (mut v11, mut v13) = (requirements.vulkan11, requirements.vulkan13);
-    let mut core = requirements.features.large_points(enabled.large_points);
+    let (mut v11, mut v12, mut v13) = (requirements.vulkan11, requirements.vulkan12, requirements.vulkan13);
+    let mut core = requirements.features;
+    if options.implicit_interlock && enabled.interlock == Interlock::Absent {
+        enabled.interlock = Interlock::Implicit;
+        core = core.fragment_stores_and_atomics(true).shader_storage_image_extended_formats(true);
+    }
     let mut extensions: Vec<&CStr> = requirements.extensions.clone();
     if options.layers.gpu_assisted {
         // SAFETY: as above.
@@ -426,7 +433,15 @@ fn make_device(
         .enabled_extension_names(&extensions)
         .enabled_features(&core)
         .push_next(&mut v11)
+        .push_next(&mut v12)
         .push_next(&mut v13);
+    let (mut order, mut turns) = (requirements.rasterization_order, requirements.interlock);
+    if enabled.rasterization_order {
+        info = info.push_next(&mut order);
+    }
+    if enabled.interlock == Interlock::Pixel {
+        info = info.push_next(&mut turns);
+    }
     if options.robustness {
         info = info.push_next(&mut robustness);
     }

@@ -188,7 +188,7 @@ impl Offscreen {
                 depth.as_ref().map(|d| DepthAttachment { view: d.layers[0], format: DEPTH, clear: Some(far) });
             let mut uses = vec![Use::Discard(color, Access::ColorWrite)];
             uses.extend(depth.as_mut().map(|d| Use::Discard(d, Access::DepthWrite)));
-            let targets = Targets { colors: &target, depth: depth_target, extent };
+            let targets = Targets { colors: &target, depth: depth_target, extent, layers: 1 };
             let mut composited = Ok(());
             recorder.draw("host", uses, &targets, |_, cmd| {
                 // SAFETY: inside a pass of the formats given to `new`.

@@ -122,6 +122,7 @@ impl Flat {
     /// Bytes that the arrays take, here and on the device.
     pub fn bytes(&self) -> u64 {
         let n = self.len() as u64;
-        n * (16 + 4 * self.normals.is_some() as u64 + 4 * self.colors.is_some() as u64)
+        let [normals, colors, groups] = [self.normals.is_some(), self.colors.is_some(), self.groups.is_some()];
+        n * (16 + 4 * normals as u64 + 4 * colors as u64 + groups as u64)
     }
 }

@@ -238,6 +238,7 @@ impl<'a> Rig<'a> {
                 samples: vk::SampleCountFlags::TYPE_1,
                 view_mask: 0,
                 render_pass: None,
+                ordered: false,
             })?);
         }
         Ok(made)
@@ -285,7 +286,7 @@ impl<'a> Rig<'a> {
                     uses.push(Use::Discard(image, Access::ColorWrite));
                 }
             }
-            let targets = Targets { colors: &targets, depth, extent };
+            let targets = Targets { colors: &targets, depth, extent, layers: 1 };
             recorder.draw("raw", uses, &targets, |context, cmd| {
                 let graphics = vk::PipelineBindPoint::GRAPHICS;
                 context.bind_pipeline(cmd, graphics, pipeline);

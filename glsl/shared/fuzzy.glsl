@@ -1,0 +1,13 @@
+// One fragment of `fuzzy`, wherever the pixel's state comes from.
+#include "footprint.glsl"
+#include "blend/weight.glsl"
+#include "blend/fuzzy.glsl"
+
+// The fragment's share; false: nothing here.
+bool fragment(out float z, out vec4 color, out vec3 normal) {
+    float u2 = footprint(gl_FragCoord.xy - params.middle, z);
+    float w = weight(u2);
+    color = vec4(v_color.rgb, 1.0) * w;
+    normal = v_normal * w;
+    return u2 <= 1.0;
+}
