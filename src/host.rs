@@ -7,9 +7,9 @@ use glam::DMat4;
 
 use crate::draw::targets;
 use crate::error::{Error, Result};
-pub use crate::gpu::{Enabled, Interlock};
 use crate::gpu::GpuMemory;
 use crate::gpu::layout::MAX_VIEWS;
+pub use crate::gpu::{Enabled, Interlock};
 use crate::select::View;
 use crate::style::Style;
 use crate::technique::Technique;
@@ -135,6 +135,20 @@ impl Requirements {
                 .synchronization2(true)
                 .maintenance4(true),
         }
+    }
+
+    /// Chains the feature structs into a description that has none of them yet. A host with structs of its own of these
+    /// kinds merges instead.
+    pub fn chain<'a>(&'a mut self, info: vk::DeviceCreateInfo<'a>) -> vk::DeviceCreateInfo<'a> {
+        let mut info =
+            info.push_next(&mut self.vulkan11).push_next(&mut self.vulkan12).push_next(&mut self.vulkan13);
+        if self.extensions.contains(&ext::rasterization_order_attachment_access::NAME) {
+            info = info.push_next(&mut self.rasterization_order);
+        }
+        if self.extensions.contains(&ext::fragment_shader_interlock::NAME) {
+            info = info.push_next(&mut self.interlock);
+        }
+        info
     }
 
     /// Required items that this device lacks; empty: the renderer will run.

@@ -50,7 +50,9 @@ pub use ash;
 pub use error::{Error, Place, Result};
 pub use gpu::layout::MAX_VIEWS;
 pub use gpu::{GpuMemory, Location, Memory, MemoryRequest, SharedAllocator};
-pub use host::{CloudId, Enabled, FrameInput, Host, HostDepth, Instance, Interlock, PassKind, Requirements, TargetFormats};
+pub use host::{
+    CloudId, Enabled, FrameInput, Host, HostDepth, Instance, Interlock, PassKind, Requirements, TargetFormats,
+};
 pub use renderer::Renderer;
 pub use stats::FrameStats;
 

@@ -10,8 +10,8 @@ use ash::vk;
 use crate::composite::{Before, Composite, resolve};
 use crate::draw::cloud::DeviceCloud;
 use crate::draw::large::{may_hold_large, whole_in_front};
-use crate::draw::params::{Camera, frame_params, scale};
 use crate::draw::layers::{LayerPlan, Layers};
+use crate::draw::params::{Camera, frame_params, scale};
 use crate::draw::plan::{CloudTraits, FramePlan, Surroundings};
 use crate::draw::slot::{PARAMS_STRIDE, Slot};
 use crate::draw::splats::{Bindings, Draw, quad_indices};
@@ -19,7 +19,6 @@ use crate::draw::targets::{TargetPlan, Targets};
 use crate::draw::variant::{Large, Pipelines, Role, Variant, shaders};
 use crate::draw::{count, fuzzy, groups, opaque, two_pass};
 use crate::error::{Error, Result};
-use crate::gpu::{Context, Interlock};
 use crate::gpu::barrier::Access;
 use crate::gpu::layout::CountPush;
 use crate::gpu::memory::Location;
@@ -28,6 +27,7 @@ use crate::gpu::program::Program;
 use crate::gpu::resource::Buffer;
 use crate::gpu::retire::{RetireQueue, Retired};
 use crate::gpu::upload::Upload;
+use crate::gpu::{Context, Interlock};
 use crate::host::{CloudId, FrameInput, Host, Instance, Requirements, TargetFormats};
 use crate::select::{DrawList, Slabs};
 use crate::stats::{FrameStats, OrderedAccess, PassTime, Skip};
@@ -190,6 +190,12 @@ impl Renderer {
         self.current = None;
         let traits: Vec<CloudTraits> = input.instances.iter().map(|i| self.cloud(i).traits()).collect();
         let plan = FramePlan::new(&input.technique, input.style, &traits, &self.surroundings(input));
+        if plan.blend != Blend::Opaque && !input.style.tolerance.is_positive() {
+            return Err(Error::Unsupported(format!(
+                "{:?}: a blend needs one that is a number and more than 0",
+                input.style.tolerance
+            )));
+        }
         if plan.blend == Blend::Groups && traits.iter().any(|t| t.groups.is_none()) {
             return Err(Error::Unsupported("groups of a cloud that has none: see `Flat::groups`".into()));
         }
@@ -351,9 +357,9 @@ impl Renderer {
         for (layer, draws) in current.views.iter().enumerate() {
             let (context, composite, set) = (&self.context, &self.composite, slot.frame_set);
             let folded = self.layers.as_ref().map(|l| (l.set, current.plan.layers));
-            let seed = current.before.map(|before| {
-                move |cmd| composite.draw_before(context, cmd, before, set, layer as u32, folded)
-            });
+            let seed = current
+                .before
+                .map(|before| move |cmd| composite.draw_before(context, cmd, before, set, layer as u32, folded));
             calls += match current.plan.blend {
                 Blend::TwoPass => two_pass::draw(&mut recorder, targets, layer, &bindings, draws, seed),
                 Blend::Opaque => opaque::draw(&mut recorder, targets, layer, &bindings, draws, seed),
@@ -531,8 +537,7 @@ impl Renderer {
         if plan.blend != Blend::Groups {
             return Ok(());
         }
-        let wanted =
-            LayerPlan { extent: input.extent, count: plan.layers, normals: plan.lit, sums: input.style.sums };
+        let wanted = LayerPlan { extent: input.extent, count: plan.layers, normals: plan.lit, sums: input.style.sums };
         if self.layers.as_ref().is_some_and(|old| old.plan == wanted) {
             return Ok(());
         }

@@ -34,6 +34,14 @@ pub struct Tolerance {
     pub relative: f32,
 }
 
+impl Tolerance {
+    /// Whether both are numbers and no splat's ε is 0: with less, no two splats are one surface.
+    pub fn is_positive(&self) -> bool {
+        let [a, r] = [self.absolute, self.relative];
+        a.is_finite() && r.is_finite() && a.min(r) >= 0.0 && a.max(r) > 0.0
+    }
+}
+
 /// What is done with splats that face away from the viewer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum BackFaces {

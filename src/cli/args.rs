@@ -9,7 +9,9 @@ use glam::DVec3;
 use super::bench::args::BenchArgs;
 use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
-use surfel::style::{Ellipse, SumPrecision};
+use surfel::structure::groups::Relax;
+use surfel::structure::Arrangement;
+use surfel::style::{Ellipse, Front, SumPrecision, Voronoi};
 use surfel::technique::{Blend, Primitive, Structure};
 
 /// Renders point scans (LiDAR, photogrammetry, dense meshes) as elliptical Gaussian splats with Vulkan.
@@ -126,7 +128,7 @@ pub struct TechniqueArgs {
     /// How the points are arranged.
     #[arg(long, value_name = "NAME", default_value = "flat", value_parser = axis(Structure::ALL))]
     pub structure: Structure,
-    /// How splats of one pixel become one colour [default: two-pass, or opaque with `--radius px:N`].
+    /// How splats of one pixel become one colour [default: fuzzy, or opaque with `--radius px:N`].
     #[arg(long, value_name = "NAME", value_parser = axis(Blend::ALL))]
     pub blend: Option<Blend>,
     /// Level of detail in pixels. The flat structure has none: nothing is left out.
@@ -141,6 +143,30 @@ pub struct TechniqueArgs {
     /// Floats that colours and weights are summed in: half is for devices short of bandwidth.
     #[arg(long, value_name = "single|half", default_value = "single", value_parser = axis(SumPrecision::ALL))]
     pub sums: SumPrecision,
+    /// For fuzzy: the depth that a pixel keeps as its front, the nearest or (as published) the first.
+    #[arg(long, value_name = "nearest|first", default_value = "nearest", value_parser = axis(Front::ALL))]
+    pub front: Front,
+    /// For groups: what decides between splats of one group that overlap.
+    #[arg(long, value_name = "cones|slabs|off", default_value = "cones", value_parser = axis(Voronoi::ALL))]
+    pub voronoi: Voronoi,
+}
+
+/// How points are arranged before they are drawn.
+#[derive(Debug, Args)]
+pub struct StructureArgs {
+    /// In which order points are stored: it changes what fuzzy draws, and how long any blend takes. The last two are for the
+    /// view of the picture.
+    #[arg(long, value_name = "ORDER", default_value = "as-read", value_parser = axis(Arrangement::ALL))]
+    pub storage: Arrangement,
+    /// For groups: c, 0 to 1. Splats share a group where their centres are farther apart than c times the sum of their radii.
+    #[arg(long, value_name = "C", default_value_t = Relax::default().factor, allow_negative_numbers = true, value_parser = parse::factor)]
+    pub group_factor: f32,
+    /// For groups: most of them, each a layer of attachments. Where they are not enough, splats of one group overlap more.
+    #[arg(long, value_name = "K", default_value_t = Relax::default().limit, value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub group_limit: u32,
+    /// For groups: read from here if the file fits, else made and written here, so that they are made once.
+    #[arg(long, value_name = "FILE")]
+    pub groups: Option<PathBuf>,
 }
 
 /// How the surface looks, whatever draws it.
@@ -157,7 +183,7 @@ pub struct LookArgs {
     #[arg(long, value_name = "auto|VALUE|scale:S|px:N", default_value = "auto", allow_negative_numbers = true, value_parser = parse::radius)]
     pub radius: Radius,
     /// How far behind the front still is the same surface, in radii of the splat.
-    #[arg(long, value_name = "REL", default_value = "1", allow_negative_numbers = true, value_parser = parse::not_negative)]
+    #[arg(long, value_name = "REL", default_value = "1", allow_negative_numbers = true, value_parser = parse::positive)]
     pub tolerance: f64,
     /// Splats that face away.
     #[arg(long, value_enum, default_value = "auto")]
@@ -180,6 +206,8 @@ pub struct PictureArgs {
     pub view: ViewArgs,
     #[command(flatten)]
     pub technique: TechniqueArgs,
+    #[command(flatten)]
+    pub structure: StructureArgs,
     #[command(flatten)]
     pub look: LookArgs,
     /// Colour behind the points; its alpha stays in the picture.
@@ -206,6 +234,9 @@ pub struct RenderArgs {
     /// Part of the name of the device to use [default: the fastest kind].
     #[arg(long, value_name = "NAME")]
     pub device: Option<String>,
+    /// Optional features of the device to do without, by Vulkan's names (`surfel devices` lists them): draws what stands in.
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub without: Vec<String>,
     /// Runs with Vulkan's validation layers; exit code 3 if they say anything.
     #[arg(long)]
     pub validate: bool,

@@ -42,11 +42,11 @@ impl Has {
 /// The blend that is meant. Pixels are for opaque points only.
 pub fn technique(args: &TechniqueArgs, look: &LookArgs) -> Result<Technique, Usage> {
     let blend = match (look.radius, args.blend) {
-        (Radius::Pixels(_), Some(Blend::TwoPass)) => {
-            return Err(Usage("--radius px:N is for --blend opaque: two-pass blends splats".into()));
+        (Radius::Pixels(_), None | Some(Blend::Opaque)) => Blend::Opaque,
+        (Radius::Pixels(_), Some(blend)) => {
+            return Err(Usage(format!("--radius px:N is for --blend opaque: {blend} blends splats")));
         }
-        (Radius::Pixels(_), None) => Blend::Opaque,
-        (_, blend) => blend.unwrap_or(Blend::TwoPass),
+        (_, blend) => blend.unwrap_or(Technique::default().blend),
     };
     Ok(Technique { structure: args.structure, primitive: args.primitive, blend, ..Technique::default() })
 }
@@ -95,7 +95,8 @@ pub fn up(args: &LensArgs, clouds: &[PointCloud]) -> (DVec3, bool, Option<String
 
 /// The style that the options ask for.
 pub fn style(technique: &TechniqueArgs, look: &LookArgs, shade: Shade) -> Style {
-    Style { ellipse: technique.ellipse, sums: technique.sums, ..surface(look, shade) }
+    let TechniqueArgs { ellipse, sums, front, voronoi, .. } = *technique;
+    Style { ellipse, sums, front, voronoi, ..surface(look, shade) }
 }
 
 /// The style of the surface alone, whatever draws it.
@@ -165,9 +166,11 @@ mod tests {
             let args = args(more);
             technique(&args.technique, &args.look).map(|t| t.blend)
         };
-        assert_eq!(blend(&[]).unwrap(), Blend::TwoPass);
+        assert_eq!(blend(&[]).unwrap(), Technique::default().blend);
         assert_eq!(blend(&["--radius", "px:2"]).unwrap(), Blend::Opaque);
-        assert!(blend(&["--radius", "px:2", "--blend", "two-pass"]).is_err());
+        for weighted in ["two-pass", "fuzzy", "groups"] {
+            assert!(blend(&["--radius", "px:2", "--blend", weighted]).is_err(), "{weighted}");
+        }
         assert_eq!(surface(&args(&["--radius", "px:2"]).look, Shade::None).footprint, Footprint::Pixels(2.0));
     }
 

@@ -23,6 +23,7 @@ mod render;
 mod report;
 mod scene;
 mod selftest;
+mod structure;
 
 use std::fmt;
 use std::io::{self, Write};

@@ -139,6 +139,12 @@ pub fn fov(text: &str) -> Result<f64, String> {
 }
 
 /// At least zero, and small enough for an f32.
+/// From 0 to 1.
+pub fn factor(text: &str) -> Result<f32, String> {
+    let value = finite(text).filter(|v| (0.0..=1.0).contains(v)).ok_or("a number from 0 to 1")?;
+    Ok(value as f32)
+}
+
 pub fn not_negative(text: &str) -> Result<f64, String> {
     finite(text).filter(|v| (0.0..=1e30).contains(v)).ok_or_else(|| "a finite number, at least 0".into())
 }

@@ -21,7 +21,7 @@ use super::parse::Input;
 use super::progress::Progress;
 use super::report::grouped;
 use super::scene::{self, Scene};
-use super::{Outcome, Usage, input, look, memory, output};
+use super::{Outcome, Usage, input, look, memory, output, structure};
 
 /// Samples along a pixel's side where no surface is known.
 pub const SUPERSAMPLES: u32 = 8;
@@ -36,6 +36,7 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
     let technique = look::technique(&args.picture.technique, &args.picture.look)?;
     let samples = samples(args.truth, args.samples)?;
     output::check(&args.picture.output)?;
+    structure::check(&args.picture.structure, technique.blend, args.picture.inputs.len())?;
     scene::readable(&args.picture.inputs, &[&args.picture.output])?;
     let [width, height] = args.picture.view.size;
     let pixels = width as u64 * height as u64;
@@ -49,7 +50,7 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
     let mut scene = Scene::complete(read, &args.picture.view.lens, &args.picture.look, &progress)?;
     let view = scene.view(pose, args.picture.view.lens.fov, args.picture.view.size);
     let style = look::style(&args.picture.technique, &args.picture.look, scene.shade);
-    let (points_input, assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
+    let (points_input, mut assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
 
     let mut rows = vec![("picture", format!("{width} x {height}, f64, {}", said(args.truth, samples)))];
     let step = progress.step("draw", 1);
@@ -59,7 +60,9 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
         rows.push(("triangles", grouped(triangles as u64)));
         mesh(&surfaces, &view, args.picture.view.size, &style, samples)
     } else {
-        let flats = scene.pack();
+        let (flats, said) =
+            structure::build(scene.pack(), &args.picture.structure, technique.blend, &view, &progress)?;
+        assumed.extend(said);
         let picture = splats(&flats, &view, args.picture.view.size, technique, &style, |scene| match args.truth {
             TruthKind::Supersampled => supersampled(scene, samples),
             _ => render(scene, MARGIN_F32),

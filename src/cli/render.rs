@@ -17,7 +17,7 @@ use super::camera::Pose;
 use super::progress::Progress;
 use super::report::Report;
 use super::scene::{self, Scene};
-use super::{Outcome, frames, look, memory, output};
+use super::{Outcome, frames, look, memory, output, structure};
 
 /// Renders. What can be refused is refused before anything long begins: usage, outputs, device, size, then the files.
 pub fn run(args: &RenderArgs) -> Result<Outcome> {
@@ -25,6 +25,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     let pose = scene::pose(&args.picture.view)?;
     let technique = look::technique(&args.picture.technique, &args.picture.look)?;
     output::check(&args.picture.output)?;
+    structure::check(&args.picture.structure, technique.blend, args.picture.inputs.len())?;
     if let Some(path) = &args.stats {
         output::check(path)?;
         if output::place(path) == output::place(&args.picture.output) {
@@ -35,7 +36,9 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     scene::readable(&args.picture.inputs, &outputs)?;
 
     let layers = if args.validate { Layers::CORE_SYNC } else { Layers::default() };
-    let standalone = Standalone::new(&Options { device: args.device.clone(), layers, ..Default::default() })?;
+    let options =
+        Options { device: args.device.clone(), layers, without: args.without.clone(), ..Default::default() };
+    let standalone = Standalone::new(&options)?;
     let lacking = standalone.lacking(layers);
     if !lacking.is_empty() {
         bail!("--validate: checks that the layers do not switch on: {}", lacking.join(", "));
@@ -83,9 +86,12 @@ fn picture(
     let mut scene = Scene::load(&args.picture.inputs, &args.picture.view.lens, &args.picture.look, &progress)?;
     let view = scene.view(pose, args.picture.view.lens.fov, args.picture.view.size);
     let style = look::style(&args.picture.technique, &args.picture.look, scene.shade);
-    let (points_input, assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
+    let (points_input, mut assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
     let mut instances = Vec::new();
-    for flat in scene.pack() {
+    let (flats, said) =
+        structure::build(scene.pack(), &args.picture.structure, technique.blend, &view, &progress)?;
+    assumed.extend(said);
+    for flat in flats {
         let cloud: CloudId = offscreen.renderer.add(Arc::new(flat))?;
         instances.push(Instance { cloud, transform: DMat4::IDENTITY });
     }

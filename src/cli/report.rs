@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 
 use surfel::standalone::DeviceInfo;
-use surfel::stats::Culled;
-use surfel::technique::Technique;
+use surfel::stats::{Culled, Skip};
+use surfel::technique::{Blend, Technique};
 
 use super::frames::Account;
 use super::memory;
@@ -45,6 +45,9 @@ impl Report {
             "height": self.size[1],
             "structure": self.technique.structure.name(),
             "blend": self.technique.blend.name(),
+            "blend_drawn": stats.blend.name(),
+            "ordered_access": stats.ordered.map(|o| o.name()),
+            "layers": stats.layers,
             "sums": stats.sums.name(),
             "points_input": self.points_input,
             "points_submitted": stats.points_submitted,
@@ -74,6 +77,15 @@ impl Report {
         row("device", format!("{} ({})", self.device.name, self.device.driver));
         let Technique { structure, primitive, blend, .. } = self.technique;
         row("picture", format!("{} x {}, {structure}, {blend}, {primitive}", self.size[0], self.size[1]));
+        if stats.blend != blend {
+            row("drawn as", format!("{}: {}", stats.blend, why(&stats.skipped, blend)));
+        }
+        if let Some(access) = stats.ordered {
+            row("ordered by", access.to_string());
+        }
+        if stats.layers > 0 {
+            row("layers", stats.layers.to_string());
+        }
         let drawn = stats.points_drawn.map_or("?".into(), grouped);
         row("points", format!("{} in the input, {drawn} drawn", grouped(self.points_input)));
         let parts = stats.culled.map(|c| culled(&c)).unwrap_or_default();
@@ -98,6 +110,11 @@ impl Report {
         }
         text
     }
+}
+
+/// Why a blend was not drawn.
+fn why(skipped: &[Skip], blend: Blend) -> &'static str {
+    skipped.iter().find(|s| s.stage == blend.name()).map_or("", |s| s.reason)
 }
 
 fn culled(c: &Culled) -> [(&'static str, u64); 5] {

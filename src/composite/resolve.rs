@@ -134,8 +134,7 @@ impl Composite {
         let (name, fragment, constants, colors) = match before {
             Before::SeedDepth => ("seed_depth", &spirv::COMPOSITE_SEED_DEPTH_FRAG, vec![], vec![]),
             Before::SeedFront { sums, surface } => {
-                let mut colors =
-                    vec![target(sums_format(sums), BlendMode::Keep), target(FRONT, BlendMode::Replace)];
+                let mut colors = vec![target(sums_format(sums), BlendMode::Keep), target(FRONT, BlendMode::Replace)];
                 colors.extend(surface.then_some(target(SURFACE, BlendMode::Keep)));
                 ("seed_front", &spirv::COMPOSITE_SEED_FRONT_FRAG, vec![], colors)
             }
@@ -256,7 +255,10 @@ impl Composite {
 
     /// Destroys everything; nothing is in use.
     pub fn destroy(self, context: &Context) {
-        self.resolve.into_values().chain(self.before.into_values()).for_each(|pipeline| context.destroy_pipeline(pipeline));
+        self.resolve
+            .into_values()
+            .chain(self.before.into_values())
+            .for_each(|pipeline| context.destroy_pipeline(pipeline));
         context.destroy_sampler(self.sampler);
         self.program.destroy(context);
     }

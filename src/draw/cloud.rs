@@ -141,7 +141,8 @@ impl DeviceCloud {
         let Some(geometry) = made.next() else { unreachable!("geometry was made") };
         let normals = flat.normals.is_some().then(|| made.next()).flatten();
         let colors = flat.colors.is_some().then(|| made.next()).flatten();
-        let chunk = Chunk { first: first as u32, count: count as u32, geometry, normals, colors, groups: made.next(), set };
+        let chunk =
+            Chunk { first: first as u32, count: count as u32, geometry, normals, colors, groups: made.next(), set };
         let infos =
             chunk.streams().map(|buffer| [vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }]);
         // Without shaders that choose a layer, the set has no place for the groups.

@@ -116,8 +116,7 @@ impl Layers {
     /// All layers at once by location, cleared: no colour, nothing in front.
     pub fn attachments(&self) -> (Vec<Attachment>, DepthAttachment) {
         let attachment = |image: &Image, clear| Attachment { view: image.array, clear: Some(clear) };
-        let mut colors =
-            vec![attachment(&self.color, [0.0; 4]), attachment(&self.front, [NOTHING, NOTHING, 0.0, 0.0])];
+        let mut colors = vec![attachment(&self.color, [0.0; 4]), attachment(&self.front, [NOTHING, NOTHING, 0.0, 0.0])];
         colors.extend(self.normals.as_ref().map(|image| attachment(image, [0.0; 4])));
         (colors, DepthAttachment { view: self.depth.array, format: LAYER_DEPTH, clear: Some(0.0) })
     }

@@ -183,7 +183,13 @@ mod tests {
     #[test]
     fn runs_keep_the_order() {
         let blocks: Vec<Block> = (0..5)
-            .map(|i| Block { first: 10 * i, count: 10 - i / 4, min: glam::Vec3::ZERO, max: glam::Vec3::ZERO, radius: 1.0 })
+            .map(|i| Block {
+                first: 10 * i,
+                count: 10 - i / 4,
+                min: glam::Vec3::ZERO,
+                max: glam::Vec3::ZERO,
+                radius: 1.0,
+            })
             .collect();
         let kinds = [false, false, true, false, false];
         let found = runs(kinds.into_iter().zip(&blocks));

@@ -76,10 +76,8 @@ impl Context {
             .dst_stage_mask(vk::PipelineStageFlags::FRAGMENT_SHADER)
             .dst_access_mask(vk::AccessFlags::INPUT_ATTACHMENT_READ)
             .dependency_flags(vk::DependencyFlags::BY_REGION)];
-        let info = vk::RenderPassCreateInfo::default()
-            .attachments(&attachments)
-            .subpasses(&subpasses)
-            .dependencies(&itself);
+        let info =
+            vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(&subpasses).dependencies(&itself);
         // SAFETY: the device lives and has the feature (callers ask `Enabled`); all that the description points to lives.
         let pass = unsafe { self.device.create_render_pass(&info, None) }.named("vkCreateRenderPass")?;
         self.name(pass, "ordered");
@@ -122,8 +120,11 @@ impl Context {
 
     pub(super) fn begin_ordered(&self, cmd: vk::CommandBuffer, target: &OrderedTarget, clears: Option<&[[f32; 4]]>) {
         let pass = if clears.is_some() { target.pass.clear } else { target.pass.keep };
-        let values: Vec<_> =
-            clears.unwrap_or_default().iter().map(|&float32| vk::ClearValue { color: vk::ClearColorValue { float32 } }).collect();
+        let values: Vec<_> = clears
+            .unwrap_or_default()
+            .iter()
+            .map(|&float32| vk::ClearValue { color: vk::ClearColorValue { float32 } })
+            .collect();
         let info = vk::RenderPassBeginInfo::default()
             .render_pass(pass)
             .framebuffer(target.framebuffer)

@@ -107,7 +107,8 @@ impl<'a> Recorder<'a> {
             }
         });
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: targets.extent };
-        let mut info = vk::RenderingInfo::default().render_area(area).layer_count(targets.layers).color_attachments(&colors);
+        let mut info =
+            vk::RenderingInfo::default().render_area(area).layer_count(targets.layers).color_attachments(&colors);
         if let (Some(depth), Some(target)) = (&depth, &targets.depth) {
             info = info.depth_attachment(depth);
             if aspect(target.format).contains(vk::ImageAspectFlags::STENCIL) {

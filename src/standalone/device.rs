@@ -401,7 +401,6 @@ fn make_device(
     requirements.without(&options.without)?;
     let mut enabled = requirements.enabled(debug_utils);
     enabled.timestamps &= families[family as usize].timestamp_valid_bits > 0;
-    let (mut v11, mut v12, mut v13) = (requirements.vulkan11, requirements.vulkan12, requirements.vulkan13);
     let mut core = requirements.features;
     if options.implicit_interlock && enabled.interlock == Interlock::Absent {
         enabled.interlock = Interlock::Implicit;
@@ -431,17 +430,8 @@ fn make_device(
     let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_extension_names(&extensions)
-        .enabled_features(&core)
-        .push_next(&mut v11)
-        .push_next(&mut v12)
-        .push_next(&mut v13);
-    let (mut order, mut turns) = (requirements.rasterization_order, requirements.interlock);
-    if enabled.rasterization_order {
-        info = info.push_next(&mut order);
-    }
-    if enabled.interlock == Interlock::Pixel {
-        info = info.push_next(&mut turns);
-    }
+        .enabled_features(&core);
+    info = requirements.chain(info);
     if options.robustness {
         info = info.push_next(&mut robustness);
     }

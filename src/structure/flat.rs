@@ -56,42 +56,15 @@ impl Flat {
         let radius = |r: f32| if r.is_subnormal() { f32::MIN_POSITIVE.copysign(r) } else { r };
         let geometry: Vec<[f32; 4]> =
             cloud.positions.iter().zip(radii).map(|(p, &r)| [p.x, p.y, p.z, radius(r)]).collect();
-        let blocks = geometry
-            .chunks(BLOCK)
-            .enumerate()
-            .map(|(i, run)| {
-                let mut block = Block {
-                    first: (i * BLOCK) as u32,
-                    count: run.len() as u32,
-                    min: Vec3::INFINITY,
-                    max: Vec3::NEG_INFINITY,
-                    radius: 0.0,
-                };
-                // What is drawn nowhere must not make the bounds useless.
-                let drawn = |[x, y, z, r]: &&[f32; 4]| {
-                    Vec3::new(*x, *y, *z).abs().max_element() < FARTHEST && *r > 0.0 && r.is_finite()
-                };
-                for &[x, y, z, r] in run.iter().filter(drawn) {
-                    let p = Vec3::new(x, y, z);
-                    block.min = block.min.min(p);
-                    block.max = block.max.max(p);
-                    block.radius = block.radius.max(r);
-                }
-                if block.min.x > block.max.x {
-                    (block.min, block.max) = (Vec3::ZERO, Vec3::ZERO);
-                }
-                block
-            })
-            .collect();
         Flat {
             origin: cloud.origin,
+            blocks: blocks(&geometry),
             geometry,
             normals: cloud.normals.as_ref().map(|n| n.iter().map(|&n| octahedral::encode(n)).collect()),
             colors: cloud
                 .colors
                 .as_ref()
                 .map(|c| c.iter().map(|&[r, g, b]| u32::from_le_bytes([r, g, b, 255])).collect()),
-            blocks,
             closed: cloud.closed,
             groups: None,
         }
@@ -125,4 +98,35 @@ impl Flat {
         let [normals, colors, groups] = [self.normals.is_some(), self.colors.is_some(), self.groups.is_some()];
         n * (16 + 4 * normals as u64 + 4 * colors as u64 + groups as u64)
     }
+}
+
+/// Bounds of every run of [`BLOCK`] points.
+pub(super) fn blocks(geometry: &[[f32; 4]]) -> Vec<Block> {
+    geometry
+        .chunks(BLOCK)
+        .enumerate()
+        .map(|(i, run)| {
+            let mut block = Block {
+                first: (i * BLOCK) as u32,
+                count: run.len() as u32,
+                min: Vec3::INFINITY,
+                max: Vec3::NEG_INFINITY,
+                radius: 0.0,
+            };
+            // What is drawn nowhere must not make the bounds useless.
+            let drawn = |[x, y, z, r]: &&[f32; 4]| {
+                Vec3::new(*x, *y, *z).abs().max_element() < FARTHEST && *r > 0.0 && r.is_finite()
+            };
+            for &[x, y, z, r] in run.iter().filter(drawn) {
+                let p = Vec3::new(x, y, z);
+                block.min = block.min.min(p);
+                block.max = block.max.max(p);
+                block.radius = block.radius.max(r);
+            }
+            if block.min.x > block.max.x {
+                (block.min, block.max) = (Vec3::ZERO, Vec3::ZERO);
+            }
+            block
+        })
+        .collect()
 }

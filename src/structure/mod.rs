@@ -1,9 +1,11 @@
 //! How points are arranged. No Vulkan here.
 #![forbid(unsafe_code)]
 
+pub mod arrange;
 pub mod flat;
 pub mod groups;
 pub mod octahedral;
 
+pub use arrange::Arrangement;
 pub use flat::Flat;
 pub use groups::Groups;

@@ -259,7 +259,7 @@ fn every_technique_view_and_style() {
 
 #[test]
 fn quads_stand_in_where_points_cannot_be_large() {
-    let options = Options { without_large_points: true, ..vulkan::options() };
+    let options = Options { without: vec!["largePoints".into()], ..vulkan::options() };
     every_view_and_style(&options, &PRESETS[..1]);
 }
 

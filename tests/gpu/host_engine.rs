@@ -117,8 +117,9 @@ impl Engine {
                 .expect("GPU tests need a Vulkan device that fulfils the requirements");
             let requirements = Requirements::query(&instance, physical_device);
             // The engine's own wishes and the library's, in one chain.
-            let mut own = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+            let mut v12 = requirements.vulkan12.timeline_semaphore(true);
             let (mut v11, mut v13) = (requirements.vulkan11, requirements.vulkan13);
+            let (mut order, mut turns) = (requirements.rasterization_order, requirements.interlock);
             let mut core = vk::PhysicalDeviceFeatures { fill_mode_non_solid: vk::TRUE, ..requirements.features };
             if layers.gpu_assisted {
                 (core.vertex_pipeline_stores_and_atomics, core.fragment_stores_and_atomics) = (vk::TRUE, vk::TRUE);
@@ -140,11 +141,17 @@ impl Engine {
                 .queue_create_infos(&queues)
                 .enabled_extension_names(&extensions)
                 .enabled_features(&core)
-                .push_next(&mut own)
+                .push_next(&mut v12)
                 .push_next(&mut v11)
                 .push_next(&mut v13);
             if with_robustness {
                 info = info.push_next(&mut robust);
+            }
+            if requirements.extensions.contains(&ext::rasterization_order_attachment_access::NAME) {
+                info = info.push_next(&mut order);
+            }
+            if requirements.extensions.contains(&ext::fragment_shader_interlock::NAME) {
+                info = info.push_next(&mut turns);
             }
             let device = instance.create_device(physical_device, &info, None).expect("a device");
             let queue = device.get_device_queue(family, 0);

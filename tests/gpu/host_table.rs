@@ -84,6 +84,8 @@ wrappers! {
         create_set_layout = "vkCreateDescriptorSetLayout" (device: vk::Device, info: Info, callbacks: Info, out: Out);
         create_layout = "vkCreatePipelineLayout" (device: vk::Device, info: Info, callbacks: Info, out: Out);
         create_pool = "vkCreateDescriptorPool" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        create_pass = "vkCreateRenderPass" (device: vk::Device, info: Info, callbacks: Info, out: Out);
+        create_framebuffer = "vkCreateFramebuffer" (device: vk::Device, info: Info, callbacks: Info, out: Out);
         create_query_pool = "vkCreateQueryPool" (device: vk::Device, info: Info, callbacks: Info, out: Out);
         allocate_sets = "vkAllocateDescriptorSets" (device: vk::Device, info: Info, out: Out);
         bind_buffer = "vkBindBufferMemory" (device: vk::Device, buffer: vk::Buffer, memory: vk::DeviceMemory, at: u64);
@@ -96,6 +98,8 @@ wrappers! {
     command {
         begin_rendering = "vkCmdBeginRendering" (cmd: vk::CommandBuffer, info: Info);
         end_rendering = "vkCmdEndRendering" (cmd: vk::CommandBuffer);
+        begin_pass = "vkCmdBeginRenderPass" (cmd: vk::CommandBuffer, info: Info, contents: vk::SubpassContents);
+        end_pass = "vkCmdEndRenderPass" (cmd: vk::CommandBuffer);
         set_viewport = "vkCmdSetViewport" (cmd: vk::CommandBuffer, first: u32, count: u32, viewports: Info);
         set_scissor = "vkCmdSetScissor" (cmd: vk::CommandBuffer, first: u32, count: u32, scissors: Info);
         copy_buffer = "vkCmdCopyBuffer"

@@ -57,7 +57,7 @@ fn every_case_draws_what_is_predicted_and_has_rates() {
 
 #[test]
 fn without_large_points_large_points_are_left_out() {
-    let options = Options { without_large_points: true, ..vulkan::options() };
+    let options = Options { without: vec!["largePoints".into()], ..vulkan::options() };
     let results = all(&options, &Setup { points: 100, extent: [64, 64], rounds: 1 });
     for m in results {
         let lacks = matches!(&m.times, Err(Untimed::Lacking(what)) if what == "largePoints");

@@ -6,7 +6,9 @@ use clap::{Args, Subcommand, ValueEnum};
 
 use super::super::args::{LensArgs, LookArgs, axis, inputs};
 use super::super::parse::{self, Input, MAX_POINTS};
-use surfel::style::{Ellipse, SumPrecision};
+use surfel::structure::Arrangement;
+use surfel::structure::groups::Relax;
+use surfel::style::{Ellipse, Front, SumPrecision, Voronoi};
 use surfel::technique::{PRESETS, Technique};
 
 /// Measures time against error. `surfel bench raw` measures what the device could do at best.
@@ -64,8 +66,20 @@ pub struct SweepArgs {
     #[arg(long, value_name = "S,…", default_value = "1", value_delimiter = ',', value_parser = parse::positive)]
     pub scales: Vec<f64>,
     /// Depth tolerances in radii [default: the one of `--tolerance`].
-    #[arg(long, value_name = "REL,…", value_delimiter = ',', value_parser = parse::not_negative)]
+    #[arg(long, value_name = "REL,…", value_delimiter = ',', value_parser = parse::positive)]
     pub tolerances: Vec<f64>,
+    /// For groups: c, 0 to 1 [default: that of `surfel render`].
+    #[arg(long, value_name = "C,…", default_values_t = [Relax::default().factor], value_delimiter = ',', value_parser = parse::factor)]
+    pub factors: Vec<f32>,
+    /// For groups: what decides between splats of one group that overlap.
+    #[arg(long, value_name = "NAME,…", default_value = "cones", value_delimiter = ',', value_parser = axis(Voronoi::ALL))]
+    pub voronois: Vec<Voronoi>,
+    /// For fuzzy: the depth that a pixel keeps as its front.
+    #[arg(long, value_name = "NAME,…", default_value = "nearest", value_delimiter = ',', value_parser = axis(Front::ALL))]
+    pub fronts: Vec<Front>,
+    /// Orders of storage; those for a view are made for each.
+    #[arg(long, value_name = "NAME,…", default_value = "as-read", value_delimiter = ',', value_parser = axis(Arrangement::ALL))]
+    pub storages: Vec<Arrangement>,
     /// Numbers of points: the faces are sampled evenly so often, instead of drawing the vertices.
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=MAX_POINTS as i64))]
     pub samples: Vec<u32>,

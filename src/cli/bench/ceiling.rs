@@ -41,18 +41,23 @@ pub struct Ceiling {
 fn case(combination: &Combination, footprint: f64) -> Option<Case> {
     let technique = Technique::named(&combination.technique)?;
     let point = technique.primitive == Primitive::Point;
-    let opaque = technique.blend == Blend::Opaque;
+    // What every blend does at least: the layers' fold and the reading of attachments have no case.
+    let passes = match technique.blend {
+        Blend::Opaque | Blend::Groups => Passes::Opaque,
+        Blend::TwoPass => Passes::TwoPass,
+        Blend::Fuzzy => Passes::Color,
+    };
     let side = footprint.round();
     (1.0..=raw::LARGEST as f64).contains(&side).then_some(Case {
         axis: "technique",
         primitive: technique.primitive,
         size: side as u32,
         vertices: if point { Vertices::F32x4 } else { Vertices::Pulled },
-        passes: if opaque { Passes::Opaque } else { Passes::TwoPass },
+        passes,
         // Colour, and the surface that light or depth need: the bench's target has depth.
         attachments: 2,
         color: Color::Rgba32f,
-        blend: !opaque,
+        blend: passes != Passes::Opaque,
     })
 }
 

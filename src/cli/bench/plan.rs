@@ -5,7 +5,8 @@ use std::fs;
 
 use anyhow::{Context, Result};
 
-use surfel::style::{Ellipse, Style, SumPrecision, Tolerance};
+use surfel::structure::Arrangement;
+use surfel::style::{Ellipse, Front, Style, SumPrecision, Tolerance, Voronoi};
 use surfel::technique::{Blend, PRESETS, Technique};
 
 use super::super::Usage;
@@ -19,6 +20,15 @@ pub struct Way {
     pub combination: Combination,
     pub technique: Technique,
     pub style: Style,
+    pub form: Form,
+}
+
+/// How the points are arranged for it: ways of one form share the device's copy.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Form {
+    /// c of the groups, where there are any.
+    pub factor: Option<f32>,
+    pub storage: Arrangement,
 }
 
 /// What an input is called in results.
@@ -70,12 +80,22 @@ pub fn plan(args: &SweepArgs, input: &str, state: &str) -> Vec<Combination> {
             plan.push(combination);
         }
     };
-    let choices = [args.ellipses.len(), args.scales.len(), args.sums.len(), tolerances.len()];
+    let choices = [
+        args.ellipses.len(),
+        args.scales.len(),
+        args.sums.len(),
+        tolerances.len(),
+        args.fronts.len(),
+        args.voronois.len(),
+        args.factors.len(),
+        args.storages.len(),
+    ];
     let places = args.sizes.iter().flat_map(|&size| samples(args).into_iter().map(move |samples| (size, samples)));
     for (size, samples) in places {
         for view in 0..args.views {
             for (name, technique) in PRESETS.iter().filter(|(_, t)| wanted(t)) {
-                for [ellipse, scale, sums, tolerance] in indices(choices) {
+                let [fuzzy, groups] = [Blend::Fuzzy, Blend::Groups].map(|b| technique.blend == b);
+                for [ellipse, scale, sums, tolerance, front, voronoi, factor, storage] in indices(choices) {
                     add(Combination {
                         input: input.to_owned(),
                         input_state: state.to_owned(),
@@ -86,6 +106,10 @@ pub fn plan(args: &SweepArgs, input: &str, state: &str) -> Vec<Combination> {
                         // `opaque` has none.
                         tolerance: if technique.blend == Blend::Opaque { 1.0 } else { tolerances[tolerance] },
                         sums: args.sums[sums].name().to_owned(),
+                        front: fuzzy.then(|| args.fronts[front].name().to_owned()),
+                        voronoi: groups.then(|| args.voronois[voronoi].name().to_owned()),
+                        factor: groups.then(|| args.factors[factor]),
+                        storage: args.storages[storage].name().to_owned(),
                         view: [view, args.views],
                         size,
                     });
@@ -113,15 +137,23 @@ fn indices<const N: usize>(lengths: [usize; N]) -> Vec<[usize; N]> {
 /// What draws a combination.
 pub fn way(combination: &Combination, style: &Style) -> Result<Way> {
     let other = "a name of another version";
+    let front = combination.front.as_deref().map(|name| Front::named(name).context(other)).transpose()?;
+    let voronoi = combination.voronoi.as_deref().map(|name| Voronoi::named(name).context(other)).transpose()?;
     let style = Style {
         ellipse: Ellipse::named(&combination.ellipse).context(other)?,
         sums: SumPrecision::named(&combination.sums).context(other)?,
         radius_scale: combination.scale as f32,
         tolerance: Tolerance { absolute: 0.0, relative: combination.tolerance as f32 },
+        front: front.unwrap_or(style.front),
+        voronoi: voronoi.unwrap_or(style.voronoi),
         ..*style
     };
     let technique = Technique::named(&combination.technique).context(other)?;
-    Ok(Way { combination: combination.clone(), technique, style })
+    let form = Form {
+        factor: combination.factor,
+        storage: Arrangement::named(&combination.storage).context(other)?,
+    };
+    Ok(Way { combination: combination.clone(), technique, style, form })
 }
 
 #[cfg(test)]
@@ -159,6 +191,9 @@ mod tests {
             1,
             "opaque has no tolerance"
         );
+        let one_pass = "--views 1 --factors 0.4,1 --voronois cones,off --fronts nearest,first --storages as-read,morton";
+        let of = |technique: &str| keys(&format!("{one_pass} --techniques {technique}")).len();
+        assert_eq!([of("flat.two-pass.point"), of("flat.fuzzy.point"), of("flat.groups.point")], [2, 4, 8]);
         assert_eq!(indices([2, 1, 2]), [[0, 0, 0], [0, 0, 1], [1, 0, 0], [1, 0, 1]]);
     }
 
@@ -179,5 +214,8 @@ mod tests {
         assert_eq!((way.style.ellipse, way.style.sums), (Ellipse::Approximate, SumPrecision::Half));
         assert_eq!((way.style.radius_scale, way.style.tolerance.relative), (0.5, 3.0));
         assert_eq!(way.technique, PRESETS[0].1);
+        let args = sweep("--techniques flat.groups.quad --factors 0.5 --voronois slabs --storages random");
+        let way = self::way(&plan(&args, "a", "s")[0], &Style::default()).unwrap();
+        assert_eq!((way.form, way.style.voronoi), (Form { factor: Some(0.5), storage: Arrangement::Random }, Voronoi::Slabs));
     }
 }

@@ -29,10 +29,27 @@ pub struct Combination {
     pub tolerance: f64,
     /// Format of the sums.
     pub sums: String,
+    /// Front of `fuzzy`; none for other blends.
+    #[serde(default)]
+    pub front: Option<String>,
+    /// What decides within a group; none for other blends than `groups`.
+    #[serde(default)]
+    pub voronoi: Option<String>,
+    /// c of the groups; none for other blends.
+    #[serde(default)]
+    pub factor: Option<f32>,
+    /// Order of storage.
+    #[serde(default = "as_read")]
+    pub storage: String,
     /// Number of the view, and how many there are.
     pub view: [u32; 2],
     /// \[px\]
     pub size: [u32; 2],
+}
+
+/// What all results before there was a choice had.
+fn as_read() -> String {
+    "as-read".into()
 }
 
 impl Combination {
@@ -57,6 +74,14 @@ impl Combination {
         if self.sums != "single" {
             let _ = write!(text, " {}", self.sums);
         }
+        if let Some(c) = self.factor {
+            let _ = write!(text, " c {c}");
+        }
+        let unusual = [(&self.front, "nearest"), (&self.voronoi, "cones"), (&Some(self.storage.clone()), "as-read")]
+            .map(|(name, usual)| name.clone().filter(|n| n != usual));
+        for name in unusual.into_iter().flatten() {
+            let _ = write!(text, " {name}");
+        }
         if let Some(n) = self.samples {
             let _ = write!(text, " {n} points");
         }
@@ -72,6 +97,9 @@ pub struct Record {
     pub points_submitted: u64,
     pub points_drawn: u64,
     pub draw_calls: u32,
+    /// Layers of `groups`, 0 for other blends.
+    #[serde(default)]
+    pub layers: u32,
     pub device_bytes: u64,
     /// Root of the mean squared side of a footprint \[px\].
     pub footprint: f64,
@@ -144,6 +172,7 @@ const COLUMNS: &[Column] = &[
     ("gpu_ms_lower", |r| Summary::of(&r.gpu_ms).map(|s| s.lower)),
     ("gpu_ms_upper", |r| Summary::of(&r.gpu_ms).map(|s| s.upper)),
     ("frame_ms_median", |r| Summary::of(&r.frame_ms).map(|s| s.median)),
+    ("layers", |r| Some(r.layers as f64)),
     ("device_bytes", |r| Some(r.device_bytes as f64)),
     ("footprint_px", |r| Some(r.footprint)),
 ];
@@ -174,8 +203,10 @@ pub fn csv(records: &[Record]) -> String {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.to_owned(),
     };
-    let mut header =
-        vec!["input", "samples", "technique", "ellipse", "scale", "tolerance", "sums", "view", "width", "height"];
+    let mut header = vec![
+        "input", "samples", "technique", "ellipse", "scale", "tolerance", "sums", "front", "voronoi", "factor", "storage",
+        "view", "width", "height",
+    ];
     header.extend(COLUMNS.iter().map(|(name, _)| name));
     header.extend(ERRORS);
     header.extend(["truth", "picture"]);
@@ -190,6 +221,10 @@ pub fn csv(records: &[Record]) -> String {
             c.scale.to_string(),
             c.tolerance.to_string(),
             c.sums.clone(),
+            c.front.clone().unwrap_or_default(),
+            c.voronoi.clone().unwrap_or_default(),
+            c.factor.map_or(String::new(), |c| c.to_string()),
+            c.storage.clone(),
             c.view[0].to_string(),
             c.size[0].to_string(),
             c.size[1].to_string(),
@@ -220,12 +255,17 @@ pub mod tests {
                 scale: 1.0,
                 tolerance: 1.0,
                 sums: "single".into(),
+                front: None,
+                voronoi: None,
+                factor: None,
+                storage: as_read(),
                 view: [0, 1],
                 size: [64, 48],
             },
             points_submitted: 10,
             points_drawn: 9,
             draw_calls: 2,
+            layers: 0,
             device_bytes: 1000,
             footprint: 4.0,
             gpu_ms: vec![ms, 2.0 * ms, 0.5 * ms],
@@ -245,6 +285,9 @@ pub mod tests {
         c.ellipse = "approximate".into();
         (c.scale, c.tolerance, c.sums, c.samples) = (0.5, 2.0, "half".into(), Some(7));
         assert_eq!(c.way(), "flat.two-pass.point approximate ×0.5 ε 2 half 7 points");
+        (c.factor, c.voronoi, c.front, c.storage) =
+            (Some(0.4), Some("slabs".into()), Some("nearest".into()), "morton".into());
+        assert_eq!(c.way(), "flat.two-pass.point approximate ×0.5 ε 2 half c 0.4 slabs morton 7 points");
         assert_ne!(plain, c.key());
         c.view[0] = 1;
         assert!(c.key().contains("view 1/1 64x48"));
@@ -255,7 +298,7 @@ pub mod tests {
         let text = csv(&[record("t", 1.0, 0.25)]);
         let lines: Vec<&str> = text.split_terminator("\r\n").collect();
         assert_eq!(lines.len(), 2);
-        assert!(lines[1].starts_with("\"a,b.ply\",,t,exact,1,1,single,0,64,48,10,9,1,"));
+        assert!(lines[1].starts_with("\"a,b.ply\",,t,exact,1,1,single,,,,as-read,0,64,48,10,9,1,"));
         // The quoted comma is one more.
         assert_eq!(lines[1].matches(',').count(), lines[0].matches(',').count() + 1);
         assert!(lines[1].contains(",0.25,,"), "RMSE, then no PSNR: {}", lines[1]);

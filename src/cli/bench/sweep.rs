@@ -13,18 +13,19 @@ use surfel::load;
 use surfel::measure::{self, Image};
 use surfel::select::View;
 use surfel::standalone::{DeviceInfo, Offscreen, Options, Shot, Standalone, stress};
-use surfel::structure::Flat;
+use surfel::structure::groups::Relax;
+use surfel::structure::{Arrangement, Flat, Groups};
 use surfel::style::Style;
 use surfel::{FrameStats, Instance};
 
 use super::super::parse::{Input, Radius};
 use super::super::progress::Progress;
 use super::super::scene::{self, Scene};
-use super::super::{Usage, compare, frames, look, memory, output};
+use super::super::{Usage, compare, frames, look, memory, output, structure};
 use super::args::SweepArgs;
 use super::ceiling::{self, Ceiling};
 use super::journal::Journal;
-use super::plan::{self, Way};
+use super::plan::{self, Form, Way};
 use super::record::{Combination, Record};
 use super::truth::{self, Source};
 
@@ -133,8 +134,9 @@ struct Subject {
     state: String,
 }
 
-/// What is drawn of it.
+/// What is drawn of it, by the form in which the device has it.
 struct Drawn {
+    form: Form,
     flats: Vec<Arc<Flat>>,
     instances: Vec<Instance>,
 }
@@ -179,25 +181,55 @@ impl Bench<'_> {
                 None => original.clone(),
                 Some(n) => self.sampled(&subject.scene, n)?,
             };
-            let drawn = self.add(flats)?;
+            let grouped = self.group(flats, plan)?;
             for &size in &self.args.sizes {
                 let missing = |c: &&Combination| c.samples == samples && c.size == size && self.finished(c).is_none();
                 let pending: Vec<&Combination> = plan.iter().filter(missing).collect();
                 if !pending.is_empty() {
-                    self.size(size, &mut subject, &drawn, &pending)?;
+                    self.size(size, &mut subject, &grouped, &pending)?;
                 }
             }
-            drawn.instances.iter().for_each(|i| self.off.renderer.remove(i.cloud));
         }
         Ok(())
     }
 
-    fn add(&mut self, flats: Vec<Arc<Flat>>) -> Result<Drawn> {
-        let add = |flat: &Arc<Flat>| {
-            Ok(Instance { cloud: self.off.renderer.add(Arc::clone(flat))?, transform: DMat4::IDENTITY })
-        };
-        let instances = flats.iter().map(add).collect::<Result<_>>()?;
-        Ok(Drawn { flats, instances })
+    /// The clouds with the groups of every c that is asked for, and without.
+    fn group(&self, flats: Vec<Arc<Flat>>, plan: &[Combination]) -> Result<Vec<(Option<f32>, Vec<Arc<Flat>>)>> {
+        let mut grouped = vec![(None, flats.clone())];
+        for factor in plan.iter().filter_map(|c| c.factor) {
+            if grouped.iter().any(|(known, _)| *known == Some(factor)) {
+                continue;
+            }
+            let _step = self.progress.step(format!("groups with c = {factor}"), 1);
+            let relax = Relax { factor, ..Relax::default() };
+            let group = |flat: &Arc<Flat>| {
+                Ok(Arc::new(Flat { groups: Some(Groups::color(flat, &relax)?), ..Flat::clone(flat) }))
+            };
+            grouped.push((Some(factor), flats.iter().map(group).collect::<Result<_>>()?));
+        }
+        Ok(grouped)
+    }
+
+    /// Gives the device the clouds in every form that these ways need.
+    fn add(&mut self, grouped: &[(Option<f32>, Vec<Arc<Flat>>)], ways: &[Way], view: &View) -> Result<Vec<Drawn>> {
+        let mut all: Vec<Drawn> = Vec::new();
+        for form in ways.iter().map(|way| way.form) {
+            if all.iter().any(|drawn| drawn.form == form) {
+                continue;
+            }
+            let (_, flats) = grouped.iter().find(|(factor, _)| *factor == form.factor).context("groups of every c")?;
+            let arrange = |flat: &Arc<Flat>| match form.storage {
+                Arrangement::AsRead => Arc::clone(flat),
+                how => Arc::new(structure::arrange(Flat::clone(flat), how, view, self.progress)),
+            };
+            let flats: Vec<Arc<Flat>> = flats.iter().map(arrange).collect();
+            let add = |flat: &Arc<Flat>| {
+                Ok(Instance { cloud: self.off.renderer.add(Arc::clone(flat))?, transform: DMat4::IDENTITY })
+            };
+            let instances = flats.iter().map(add).collect::<Result<_>>()?;
+            all.push(Drawn { form, flats, instances });
+        }
+        Ok(all)
     }
 
     /// The faces, sampled `n` times.
@@ -213,7 +245,13 @@ impl Bench<'_> {
     }
 
     /// All views of one size.
-    fn size(&mut self, size: [u32; 2], subject: &mut Subject, drawn: &Drawn, pending: &[&Combination]) -> Result<()> {
+    fn size(
+        &mut self,
+        size: [u32; 2],
+        subject: &mut Subject,
+        grouped: &[(Option<f32>, Vec<Arc<Flat>>)],
+        pending: &[&Combination],
+    ) -> Result<()> {
         self.off.resize(vk::Extent2D { width: size[0], height: size[1] })?;
         for number in 0..self.args.views {
             let of_view = pending.iter().filter(|c| c.view[0] == number);
@@ -224,7 +262,9 @@ impl Bench<'_> {
             let pose = plan::pose(number, self.args.views);
             let view = subject.scene.view(pose, self.args.lens.fov, size);
             let truth = self.truth(subject, &view, number, size)?;
-            self.view(drawn, &view, ways, &truth)?;
+            let drawn = self.add(grouped, &ways, &view)?;
+            self.view(&drawn, &view, ways, &truth)?;
+            drawn.iter().flat_map(|d| &d.instances).for_each(|i| self.off.renderer.remove(i.cloud));
         }
         Ok(())
     }
@@ -242,14 +282,15 @@ impl Bench<'_> {
     }
 
     /// One view: every way judged once, then all of them timed in turn, round by round.
-    fn view(&mut self, drawn: &Drawn, view: &View, ways: Vec<Way>, truth: &Truth) -> Result<()> {
-        let instances = drawn.instances.as_slice();
+    fn view(&mut self, drawn: &[Drawn], view: &View, ways: Vec<Way>, truth: &Truth) -> Result<()> {
+        let of = |way: &Way| drawn.iter().find(|d| d.form == way.form).expect("added for every way");
         let mut records = Vec::new();
         for way in &ways {
+            let instances = of(way).instances.as_slice();
             let shot = Shot { view, instances, technique: way.technique, style: &way.style, count: true };
             frames::upload(&mut self.off, &shot, self.progress)?;
             let (stats, _) = self.off.draw(&shot)?;
-            records.push(self.judge(drawn, view, way, stats, truth)?);
+            records.push(self.judge(of(way), view, way, stats, truth)?);
         }
         let total = (self.args.rounds as usize * ways.len()) as u64;
         let [number, views] = ways[0].combination.view;
@@ -257,6 +298,7 @@ impl Bench<'_> {
         for round in 0..self.args.rounds as usize {
             for (i, (way, record)) in ways.iter().zip(&mut records).enumerate() {
                 step.set((round * ways.len() + i) as u64, total);
+                let instances = of(way).instances.as_slice();
                 let shot = Shot { view, instances, technique: way.technique, style: &way.style, count: false };
                 self.off.draw(&shot)?;
                 for _ in 0..self.args.frames {
@@ -281,6 +323,7 @@ impl Bench<'_> {
             points_submitted: stats.points_submitted,
             points_drawn: stats.points_drawn.unwrap_or(0),
             draw_calls: stats.draw_calls,
+            layers: stats.layers,
             device_bytes: stats.device_bytes,
             footprint: ceiling::footprint(&drawn.flats, view, combination.size, &way.style),
             gpu_ms: Vec::new(),
