@@ -16,6 +16,8 @@ pub struct Fragment {
     pub dz: f64,
     /// u²: squared distance from the centre in units of the radius, or of ρ where that is less; 0 in squares.
     pub u2: f64,
+    /// How far off rounding may be in u; 0 where ties are not kept.
+    pub du: f64,
     /// Covers the pixel; fragments that do not are there because rounding may say so.
     pub inside: bool,
     /// Rounding cannot decide otherwise.
@@ -83,7 +85,7 @@ fn disk<T: Ties>(setup: &Setup, splat: &Splat, at: DVec2, ray: &Ray) -> Option<F
     let hit_depth = z;
     let z = z.clamp(splat.z - splat.r, splat.z + splat.r);
     let inside = splat.drawn && covered && z >= near;
-    let mut fragment = Fragment { z, dz: 0.0, u2: object.min(screen), inside, sure: true, slope: 0.0 };
+    let mut fragment = Fragment { z, dz: 0.0, u2: object.min(screen), du: 0.0, inside, sure: true, slope: 0.0 };
     if !T::KEPT {
         return fragment.inside.then_some(fragment);
     }
@@ -98,16 +100,15 @@ fn disk<T: Ties>(setup: &Setup, splat: &Splat, at: DVec2, ray: &Ray) -> Option<F
     // Positions are off by margin · |p|, normals by margin, so that the hit moves within the plane by
     // (margin |p| + margin |x − p|) / cosine.
     let distance = splat.p.length();
-    let moved = margin * (distance / splat.r + object.sqrt().min(f64::MAX)) / cosine;
+    let u = object.sqrt();
+    let moved = margin * (distance / splat.r + u.min(f64::MAX)) / cosine;
+    let moved_screen = if screen.is_finite() { pixel_error(setup, splat) / setup.low_pass } else { 0.0 };
     // 2 u δu + δu² about the rim, u = 1.
-    let d_object = moved * (2.0 + moved);
-    let d_screen = match splat.screen {
-        Some(_) if screen.is_finite() => {
-            let moved = pixel_error(setup, splat) / setup.low_pass;
-            moved * (2.0 + moved)
-        }
-        _ => 0.0,
-    };
+    let (d_object, d_screen) = (moved * (2.0 + moved), moved_screen * (2.0 + moved_screen));
+    // The lesser of two that both move; a ray along the disk has no u on it, and no difference of infinities counts.
+    let (u_screen, least) = (screen.sqrt(), fragment.u2.sqrt());
+    let (low, high) = ((u - moved).min(u_screen - moved_screen), (u + moved).min(u_screen + moved_screen));
+    fragment.du = (least - low.max(0.0)).max(high - least);
     let surely_covered = object + d_object <= 1.0 || screen + d_screen <= 1.0;
     let perhaps_covered = object - d_object <= 1.0 || screen - d_screen <= 1.0;
     fragment.dz = margin * distance + (moved * splat.r).min(2.0 * splat.r);
@@ -131,5 +132,5 @@ fn square(setup: &Setup, splat: &Splat, at: DVec2, half: f64) -> Option<Fragment
     }
     let sure = margin == 0.0 || (splat.sure && reach < half - border && splat.z - dz >= setup.camera.near);
     let inside = inside && splat.drawn;
-    (inside || !sure).then_some(Fragment { z: splat.z, dz, u2: 0.0, inside, sure, slope: 0.0 })
+    (inside || !sure).then_some(Fragment { z: splat.z, dz, u2: 0.0, du: 0.0, inside, sure, slope: 0.0 })
 }

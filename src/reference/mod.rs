@@ -11,12 +11,18 @@
 //! opaque:    the nearest fragment that is no deeper than the host's depth; of equals the first
 //! two-pass:  limit = min(host, min (z + ε));  sums of w, w·c, w·n over z ≤ limit;  c = Σwc / Σw, α = min(1, 2 Σw), or 1
 //!            where any fragment lies behind the limit
+//! fuzzy:     zd = ∞, limit = host;  for every fragment in order:
+//!                z > limit → hidden;  z + ε < zd → the sums start anew with it, zd = z, limit = min(host, z + ε);
+//!                else into the sums, and unless as published zd = min(zd, z), limit = min(limit, z + ε)
+//! groups:    of each group's fragments the one of least key; over those as two-pass
+//!            key = z, or where groups overlap themselves z + ε u, or as published the slab of z and u
 //! light on the normalised Σwn; then eye-dome lighting on the finished depths
 //! ```
 //! # Where it departs, and why
 //! 1. Splats are binned into tiles of 32 × 32 pixels: each tile is one task and walks its splats in draw order, so every
 //!    pixel's sum has the same order whatever the number of threads, and the bytes are the same.
-//! 2. Two-pass evaluates every fragment twice instead of keeping them: 10⁵ splats on one pixel take no more memory than one.
+//! 2. Two-pass evaluates every fragment twice instead of keeping them: 10⁵ splats on one pixel take no more memory than
+//!    one. Groups keep a fragment for each sample of a tile and each group, about 0.1 MiB a group and thread.
 //! 3. Rays are parametrised by linear depth: the point of a pixel at depth z is o + z d, for any perspective or
 //!    orthographic projection that [`View`] allows.
 //! 4. Along with each pixel comes whether f32 arithmetic may decide differently there (see [`Picture::ties`]).
@@ -35,6 +41,8 @@ mod bins;
 mod bound;
 mod camera;
 mod fragment;
+mod fuzzy;
+mod groups;
 mod mesh;
 mod pixel;
 mod shade;
@@ -97,7 +105,7 @@ pub struct Picture {
     /// Linear view depth of the front \[world units\]; infinite where nothing is.
     pub depth: Vec<f64>,
     /// Whether the pixel lies within the rounding margin given to [`render`] of a decision (a rim, a depth or tolerance
-    /// comparison, the near plane, a square's border, a splat seen edge-on, or a neighbour of such a pixel with eye-dome
+    /// comparison, which splat a group shows, the near plane, a square's border, a splat seen edge-on, or a neighbour of such a pixel with eye-dome
     /// lighting), so that rounding may change it by more than rounding. All false for a margin of 0.
     pub ties: Vec<bool>,
     /// How fast a channel changes at most where all splats move against the pixel, each its own way \[1/px\], to first
@@ -130,7 +138,10 @@ pub struct Counts {
 /// ([`MARGIN_F32`]) is what transforming and intersecting takes. The picture itself does not depend on it.
 ///
 /// # Panics
-/// If a span lies outside its cloud, or `host_depth` has a wrong length.
+/// If a span lies outside its cloud, or `host_depth` has a wrong length. For [`Blend::Groups`] if the cloud of any
+/// instance, drawn or not, has no groups, or if those do not number all its points below their count.
+///
+/// [`Blend::Groups`]: crate::technique::Blend::Groups
 pub fn render(scene: &Scene, margin: f64) -> Picture {
     finished(scene, 1, margin)
 }

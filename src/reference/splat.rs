@@ -5,6 +5,7 @@ use glam::{DMat3, DVec2, DVec3};
 use super::Scene;
 use super::bound::{Bound, footprint};
 use super::camera::Camera;
+use super::groups::{Key, NO_GROUPS};
 use crate::color::decode_table;
 use crate::structure::{Flat, octahedral};
 use crate::style::{BackFaces, Ellipse, Footprint};
@@ -80,6 +81,8 @@ pub struct Setup<'a> {
     /// ρ \[samples\]
     pub low_pass: f64,
     pub margin: f64,
+    /// What decides within a layer of groups.
+    pub key: Option<Key>,
 }
 
 impl<'a> Setup<'a> {
@@ -114,7 +117,8 @@ impl<'a> Setup<'a> {
             Footprint::Pixels(side) => Shape::Square { half: 0.5 * side as f64 * factor as f64 },
             Footprint::Splat => Shape::Disk { hard: scene.technique.blend == Blend::Opaque },
         };
-        Setup { scene, objects, starts, camera, shape, low_pass: scene.style.low_pass as f64, margin }
+        let key = (scene.technique.blend == Blend::Groups).then(|| Key::new(scene));
+        Setup { scene, objects, starts, camera, shape, low_pass: scene.style.low_pass as f64, margin, key }
     }
 
     /// Points submitted.
@@ -126,6 +130,15 @@ impl<'a> Setup<'a> {
     pub fn point(&self, number: u32) -> Fate {
         let (object, index) = self.find(number);
         self.splat(object, index)
+    }
+
+    /// The group of point `number`.
+    pub fn group(&self, number: u32) -> u8 {
+        let (object, index) = self.find(number);
+        let groups = object.flat.groups.as_ref().expect(NO_GROUPS);
+        let group = groups.of[index];
+        assert!((group as u32) < groups.count, "group {group} of {}", groups.count);
+        group
     }
 
     /// The cloud of a point of the draw list, and its index there.

@@ -3,12 +3,12 @@
 use glam::{DVec2, dvec2};
 
 use super::bins::{Bins, TILE};
+use super::camera::Ray;
 use super::fragment::{Fragment, fragment};
-use super::pixel::State;
 use super::splat::{Fate, Look, Setup, Splat};
 use super::ties::{Tie, Ties};
 use super::tiling::{self, Pixel};
-use super::{Picture, Scene};
+use super::{Picture, Scene, fuzzy, groups, pixel};
 use crate::technique::Blend;
 
 /// Renders everything but eye-dome lighting: `factor` × `factor` samples a pixel of the scene, the mean of which is the
@@ -22,11 +22,8 @@ pub fn draw(scene: &Scene, setup: &Setup, factor: u32) -> Picture {
     let bins = Bins::new(setup);
     let mut picture = tiling::picture(width, height, TILE / factor, |tile, area| {
         let area = area.map(|edge| edge * factor);
-        let samples = if setup.margin > 0.0 {
-            Tile::<Tie>::new(scene, setup, area, factor).draw(bins.tile(tile))
-        } else {
-            Tile::<()>::new(scene, setup, area, factor).draw(bins.tile(tile))
-        };
+        let (numbers, tile) = (bins.tile(tile), Tile { setup, scene, area, factor });
+        let samples = if setup.margin > 0.0 { tile.draw::<Tie>(numbers) } else { tile.draw::<()>(numbers) };
         fold(samples, area, factor)
     });
     picture.counts = bins.counts;
@@ -54,12 +51,14 @@ fn fold(samples: Vec<Pixel>, [x0, y0, x1, y1]: [u32; 4], factor: u32) -> Vec<Pix
     pixels
 }
 
-struct Tile<'a, T> {
-    setup: &'a Setup<'a>,
-    scene: &'a Scene<'a>,
+/// A tile and what it is made of.
+pub struct Tile<'a> {
+    pub setup: &'a Setup<'a>,
+    pub scene: &'a Scene<'a>,
     /// x0, y0, x1, y1, the last two exclusive \[samples\].
     area: [u32; 4],
-    samples: Vec<State<T>>,
+    /// Samples along a pixel's side.
+    factor: u32,
 }
 
 /// A splat of a tile.
@@ -67,56 +66,34 @@ pub struct Entry {
     pub number: u32,
     pub splat: Splat,
     pub look: Look,
+    /// Its layer; 0 for blends without layers.
+    pub group: u8,
     /// x0, y0, x1, y1 within the tile, the last two exclusive \[samples\].
     area: [u32; 4],
 }
 
-impl<'a, T: Ties> Tile<'a, T> {
-    fn new(scene: &'a Scene<'a>, setup: &'a Setup<'a>, area: [u32; 4], factor: u32) -> Self {
-        let [x0, y0, x1, y1] = area;
-        let state = |x: u32, y: u32| {
-            let pixel = (y / factor) as usize * scene.width as usize + (x / factor) as usize;
-            State::new(scene.host_depth.map_or(f64::INFINITY, |d| setup.camera.host_depth(d[pixel])))
-        };
-        let samples = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))).map(|(x, y)| state(x, y)).collect();
-        Tile { setup, scene, area, samples }
-    }
-
-    fn draw(mut self, splats: &[u32]) -> Vec<Pixel> {
-        let margin = self.setup.margin;
-        if !splats.is_empty() {
-            let splats = self.prepare(splats);
-            let splats = splats.as_slice();
-            match self.scene.technique.blend {
-                Blend::Opaque => {
-                    self.each(splats, State::nearest);
-                    if T::KEPT {
-                        self.each(splats, |state, entry, fragment| state.nearest_ties(entry, fragment, margin));
-                    }
-                }
-                Blend::Fuzzy | Blend::Groups => unimplemented!(),
-                Blend::TwoPass => {
-                    self.each(splats, State::visibility);
-                    self.each(splats, |state, entry, fragment| state.attributes(entry, fragment, margin));
-                }
-            }
+impl Tile<'_> {
+    fn draw<T: Ties>(&self, numbers: &[u32]) -> Vec<Pixel> {
+        let mut splats = self.prepare(numbers);
+        match self.scene.technique.blend {
+            Blend::Opaque => pixel::opaque::<T>(self, &splats),
+            Blend::TwoPass => pixel::two_pass::<T>(self, &splats),
+            Blend::Fuzzy => fuzzy::draw::<T>(self, &splats),
+            Blend::Groups => groups::draw::<T>(self, &mut splats),
         }
-        let two_pass = self.scene.technique.blend == Blend::TwoPass;
-        let [x0, y0, x1, y1] = self.area;
-        let places = (y0..y1).flat_map(|y| (x0..x1).map(move |x| centre(x, y)));
-        let finish =
-            |(state, at): (&State<T>, DVec2)| state.finish(two_pass, &self.setup.camera.ray(at), self.scene, margin);
-        self.samples.iter().zip(places).map(finish).collect()
     }
 
     /// The splats of these numbers with the tile's samples that they may touch.
     fn prepare(&self, numbers: &[u32]) -> Vec<Entry> {
         let [x0, y0, x1, y1] = self.area;
+        let grouped = self.scene.technique.blend == Blend::Groups;
         let entry = |&number: &u32| match self.setup.point(number) {
             Fate::Drawn(splat, bound) | Fate::Away(Some((splat, bound))) => {
                 let [left, top, right, bottom] = bound.pixels(&self.setup.camera);
                 let look = self.setup.look(number, &splat);
-                Some(Entry { number, splat, look, area: [left.max(x0), top.max(y0), right.min(x1), bottom.min(y1)] })
+                let group = if grouped { self.setup.group(number) } else { 0 };
+                let area = [left.max(x0), top.max(y0), right.min(x1), bottom.min(y1)];
+                Some(Entry { number, splat, look, group, area })
             }
             _ => None,
         };
@@ -125,14 +102,29 @@ impl<'a, T: Ties> Tile<'a, T> {
         entries
     }
 
+    /// A state for each sample, row by row, from the host's depth there.
+    pub fn samples<S>(&self, new: impl Fn(f64) -> S) -> Vec<S> {
+        let [x0, y0, x1, y1] = self.area;
+        let state = |x: u32, y: u32| {
+            let pixel = (y / self.factor) as usize * self.scene.width as usize + (x / self.factor) as usize;
+            new(self.scene.host_depth.map_or(f64::INFINITY, |d| self.setup.camera.host_depth(d[pixel])))
+        };
+        (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))).map(|(x, y)| state(x, y)).collect()
+    }
+
     /// Calls `f` for every fragment of these splats, splat by splat in the given order. Rays are cheaper computed than
     /// loaded: a sample's state is all that comes from memory.
-    fn each(&mut self, splats: &[Entry], f: impl Fn(&mut State<T>, &Entry, Fragment)) {
+    pub fn each<'e, T: Ties, S>(
+        &self,
+        samples: &mut [S],
+        splats: &'e [Entry],
+        f: impl Fn(&mut S, &'e Entry, Fragment),
+    ) {
         let [x0, y0, x1, _] = self.area;
         for entry in splats {
             let [left, top, right, bottom] = entry.area;
             for y in top..bottom {
-                let row = &mut self.samples[((y - y0) * (x1 - x0)) as usize..];
+                let row = &mut samples[((y - y0) * (x1 - x0)) as usize..];
                 for (x, state) in (left..right).zip(&mut row[(left - x0) as usize..(right - x0) as usize]) {
                     let at = centre(x, y);
                     if let Some(fragment) = fragment::<T>(self.setup, &entry.splat, at, &self.setup.camera.ray(at)) {
@@ -141,6 +133,13 @@ impl<'a, T: Ties> Tile<'a, T> {
                 }
             }
         }
+    }
+
+    /// Finished samples from the states, given the ray of each.
+    pub fn pixels<S>(&self, samples: &[S], mut finish: impl FnMut(&S, &Ray) -> Pixel) -> Vec<Pixel> {
+        let [x0, y0, x1, y1] = self.area;
+        let places = (y0..y1).flat_map(|y| (x0..x1).map(move |x| centre(x, y)));
+        samples.iter().zip(places).map(|(state, at)| finish(state, &self.setup.camera.ray(at))).collect()
     }
 }
 

@@ -3,9 +3,9 @@
 use glam::{DMat4, DVec3, Vec3, dvec3};
 use surfel::reference::{Instance, Picture, Scene, render};
 use surfel::select::{DrawList, View};
-use surfel::structure::{Flat, octahedral};
+use surfel::structure::{Flat, Groups, octahedral};
 use surfel::style::{BackFaces, Shading, Style};
-use surfel::technique::Technique;
+use surfel::technique::{Blend, Technique};
 
 /// A scene of one cloud that owns what it needs.
 #[derive(Clone)]
@@ -56,9 +56,20 @@ impl Small {
         self
     }
 
-    pub fn opaque(mut self) -> Small {
-        self.technique = technique("flat.opaque.point");
+    pub fn opaque(self) -> Small {
+        self.blend(Blend::Opaque)
+    }
+
+    pub fn blend(mut self, blend: Blend) -> Small {
+        self.technique.blend = blend;
         self
+    }
+
+    /// Drawn in groups: that of every splat, and whether they may overlap.
+    pub fn groups(mut self, of: Vec<u8>, overlapping: bool) -> Small {
+        let count = of.iter().max().map_or(0, |&g| g as u32 + 1);
+        self.flat.groups = Some(Groups { of, count, overlapping, ..Default::default() });
+        self.blend(Blend::Groups)
     }
 
     /// Calls `f` with the scene.
