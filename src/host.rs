@@ -140,8 +140,7 @@ impl Requirements {
     /// Chains the feature structs into a description that has none of them yet. A host with structs of its own of these
     /// kinds merges instead.
     pub fn chain<'a>(&'a mut self, info: vk::DeviceCreateInfo<'a>) -> vk::DeviceCreateInfo<'a> {
-        let mut info =
-            info.push_next(&mut self.vulkan11).push_next(&mut self.vulkan12).push_next(&mut self.vulkan13);
+        let mut info = info.push_next(&mut self.vulkan11).push_next(&mut self.vulkan12).push_next(&mut self.vulkan13);
         if self.extensions.contains(&ext::rasterization_order_attachment_access::NAME) {
             info = info.push_next(&mut self.rasterization_order);
         }

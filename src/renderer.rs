@@ -297,7 +297,8 @@ impl Renderer {
         let slot_ref = &mut self.slots[slot];
         let Some(targets) = &self.targets else { unreachable!("made above") };
         let frame = frame_params(&cameras, input.extent, input.offset, input.style);
-        slot_ref.write(&self.context, &params, &frame, targets, input.host_depth, self.composite.sampler);
+        let layers = self.layers.as_ref().filter(|_| plan.layers > 0);
+        slot_ref.write(&self.context, &params, &frame, targets, layers, input.host_depth, self.composite.sampler);
         slot_ref.counted = input.count;
 
         let list = DrawList::all(input.instances.iter().map(|i| self.cloud(i).resident() as u32));

@@ -112,8 +112,8 @@ pub enum Front {
 /// Only where a group overlaps itself; elsewhere, and with `Off`, it is the depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Voronoi {
-    /// The least z + ε u, u the distance from the splat's centre in radii: splats become cones, whose lower envelope is the
-    /// Voronoi diagram (Hoff et al. 1999). What lies more than ε behind never wins.
+    /// The least z + min(ε, r) u, u the distance from the splat's centre in radii: splats become cones, whose lower envelope
+    /// is the Voronoi diagram (Hoff et al. 1999). What lies farther behind than both ε and r never wins.
     #[default]
     Cones,
     /// As published (Zhang and Pajarola 2006, eqs 6 and 10): depth in slabs as thick as the tolerance, u within a slab.

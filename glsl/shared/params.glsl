@@ -37,7 +37,7 @@ const int LARGE_ONLY = 1;       // nothing else is drawn
 const int LARGE_TOO = 2;        // everything is, in stored order
 
 const int VORONOI_OFF = 0;      // the nearest fragment of a group
-const int VORONOI_CONES = 1;    // the least z + ε u
+const int VORONOI_CONES = 1;    // the least z + min(ε, r) u
 const int VORONOI_SLABS = 2;    // as published
 
 // Set in src/draw/variant.rs.

@@ -9,8 +9,8 @@ use glam::DVec3;
 use super::bench::args::BenchArgs;
 use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
-use surfel::structure::groups::Relax;
 use surfel::structure::Arrangement;
+use surfel::structure::groups::Relax;
 use surfel::style::{Ellipse, Front, SumPrecision, Voronoi};
 use surfel::technique::{Blend, Primitive, Structure};
 

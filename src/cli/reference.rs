@@ -60,8 +60,7 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
         rows.push(("triangles", grouped(triangles as u64)));
         mesh(&surfaces, &view, args.picture.view.size, &style, samples)
     } else {
-        let (flats, said) =
-            structure::build(scene.pack(), &args.picture.structure, technique.blend, &view, &progress)?;
+        let (flats, said) = structure::build(scene.pack(), &args.picture.structure, technique.blend, &view, &progress)?;
         assumed.extend(said);
         let picture = splats(&flats, &view, args.picture.view.size, technique, &style, |scene| match args.truth {
             TruthKind::Supersampled => supersampled(scene, samples),

@@ -36,8 +36,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     scene::readable(&args.picture.inputs, &outputs)?;
 
     let layers = if args.validate { Layers::CORE_SYNC } else { Layers::default() };
-    let options =
-        Options { device: args.device.clone(), layers, without: args.without.clone(), ..Default::default() };
+    let options = Options { device: args.device.clone(), layers, without: args.without.clone(), ..Default::default() };
     let standalone = Standalone::new(&options)?;
     let lacking = standalone.lacking(layers);
     if !lacking.is_empty() {
@@ -88,8 +87,7 @@ fn picture(
     let style = look::style(&args.picture.technique, &args.picture.look, scene.shade);
     let (points_input, mut assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
     let mut instances = Vec::new();
-    let (flats, said) =
-        structure::build(scene.pack(), &args.picture.structure, technique.blend, &view, &progress)?;
+    let (flats, said) = structure::build(scene.pack(), &args.picture.structure, technique.blend, &view, &progress)?;
     assumed.extend(said);
     for flat in flats {
         let cloud: CloudId = offscreen.renderer.add(Arc::new(flat))?;

@@ -2,6 +2,7 @@
 
 use ash::vk;
 
+use super::layers::Layers;
 use super::targets::Targets;
 use crate::composite::Composite;
 use crate::error::Result;
@@ -115,6 +116,7 @@ impl Slot {
         params: &[DrawParams],
         frame: &FrameParams,
         targets: &Targets,
+        layers: Option<&Layers>,
         host_depth: Option<HostDepth>,
         sampler: vk::Sampler,
     ) {
@@ -133,7 +135,8 @@ impl Slot {
         let images = [
             image(color, sampled),
             image(targets.surface.as_ref().map_or(color, |i| i.array), sampled),
-            host_depth.map_or(image(color, sampled), |d| image(d.view, d.layout)),
+            // The pass that folds layers writes the sums.
+            host_depth.map_or(image(layers.map_or(color, |l| l.front.array), sampled), |d| image(d.view, d.layout)),
             image(targets.depth.array, sampled),
             image(targets.front.as_ref().map_or(color, |i| i.array), sampled),
         ];

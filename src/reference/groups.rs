@@ -7,7 +7,6 @@
 use super::Scene;
 use super::fragment::Fragment;
 use super::pixel::Sums;
-use super::splat::Look;
 use super::ties::{Doubt, Least, Range, Ties};
 use super::tiles::{Entry, Tile};
 use super::tiling::Pixel;
@@ -21,7 +20,7 @@ pub const NO_GROUPS: &str = "the blend `groups` needs a cloud's groups: Groups::
 pub enum Key {
     /// z
     Depth,
-    /// z + ε u
+    /// z + min(ε, r) u
     Cones,
     /// Slab and u, as published: the greatest wins, so its negative.
     Slabs(Slabs),
@@ -45,21 +44,22 @@ impl Key {
         }
     }
 
-    fn of(&self, look: &Look, fragment: &Fragment) -> f64 {
+    fn of(&self, entry: &Entry, fragment: &Fragment) -> f64 {
         match self {
             Key::Depth => fragment.z,
-            Key::Cones => fragment.z + look.epsilon * fragment.u2.sqrt(),
+            Key::Cones => fragment.z + entry.look.epsilon.min(entry.splat.r) * fragment.u2.sqrt(),
             Key::Slabs(slabs) => -slabs.key(fragment.z, fragment.u2.sqrt()),
         }
     }
 
     /// Where rounding may have that.
-    fn range(&self, look: &Look, fragment: &Fragment, margin: f64) -> Range {
+    fn range(&self, entry: &Entry, fragment: &Fragment, margin: f64) -> Range {
+        let height = entry.look.epsilon.min(entry.splat.r);
         let &Fragment { z, dz, du, .. } = fragment;
         let u = fragment.u2.sqrt();
         match self {
             Key::Depth => Range::about(z, dz),
-            Key::Cones => Range::about(z + look.epsilon * u, dz + look.epsilon * du + look.d_epsilon * (u + du)),
+            Key::Cones => Range::about(z + height * u, dz + height * du + entry.look.d_epsilon * (u + du)),
             Key::Slabs(slabs) => {
                 // The place in the range may be in the slab before or behind. The key itself is from 0 to 1 whatever
                 // the number of slabs, a few roundings of 2⁻²⁴ off: in u that is so many times as much.
@@ -97,10 +97,10 @@ impl<'e> Layer<'e> {
     };
 
     fn add<T: Ties>(&mut self, entry: &'e Entry, fragment: Fragment, decides: &Key, margin: f64) {
-        let key = decides.of(&entry.look, &fragment);
+        let key = decides.of(entry, &fragment);
         let wins = fragment.inside && (key < self.key || self.winner.is_none());
         if T::KEPT {
-            let keys = decides.range(&entry.look, &fragment, margin);
+            let keys = decides.range(entry, &fragment, margin);
             self.rival = self.rival.min(if wins { self.keys.low } else { keys.low });
             self.keys = if wins { keys } else { self.keys };
             self.nearest = self.nearest.min(fragment.z - fragment.dz);

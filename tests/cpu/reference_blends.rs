@@ -11,6 +11,7 @@ pub struct Hit {
     pub z: f64,
     pub u: f64,
     pub epsilon: f64,
+    pub radius: f64,
     pub color: DVec3,
     pub group: Option<u8>,
 }
@@ -51,7 +52,7 @@ pub fn groups(hits: Vec<Hit>, host: f64, scene: &Scene) -> Kept {
     let overlapping = scene.instances.iter().any(|i| i.flat.groups.as_ref().unwrap().overlapping);
     let slabs = Slabs::new(scene.view, scene.style, scene.instances.iter().map(|i| (i.flat, i.transform)));
     let key = |h: &Hit| match scene.style.voronoi {
-        Voronoi::Cones if overlapping => h.z + h.epsilon * h.u,
+        Voronoi::Cones if overlapping => h.z + h.epsilon.min(h.radius) * h.u,
         Voronoi::Slabs if overlapping => -slabs.key(h.z, h.u),
         _ => h.z,
     };

@@ -80,7 +80,7 @@ fn borders_of_one_plane_are_where_they_are_said_to_be() {
     is(colors(3.0, Voronoi::Off, false, true), "rrrrrrbb");
     is(colors(3.0, Voronoi::Cones, false, false), "rrrrrrbb");
     is(colors(3.0, Voronoi::Slabs, false, false), "rrrrrrbb");
-    // z + ε u with ε = r is the distance from the centre: the border is half way, x = 0.5, where the first wins.
+    // z + min(ε, r) u with ε = r is the distance from the centre: the border is half way, x = 0.5, where the first wins.
     is(colors(3.0, Voronoi::Cones, false, true), "rrrrrbbb");
     // u alone, in one slab or with one ε for all: (x + 1.5) / 3 = (2.5 − x) / 4 at x = 0.21.
     is(colors(3.0, Voronoi::Slabs, false, true), "rrrrbbbb");

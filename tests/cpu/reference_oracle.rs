@@ -71,7 +71,7 @@ pub fn oracle(scene: &Scene) -> Vec<(DVec4, f64)> {
         let color = DVec3::from(color.map(|b| srgb_to_linear(b as f64 / 255.0)));
         let (zp, in_front) = (linear(p), linear(p) >= near);
         let group = instance.flat.groups.as_ref().map(|g| g.of[i]);
-        let splat = Hit { z: zp, u: 0.0, epsilon: eps, color, group };
+        let splat = Hit { z: zp, u: 0.0, epsilon: eps, radius: r, color, group };
         if let Footprint::Pixels(s) = style.footprint {
             let d = (f - pixel(p)) / s as f64;
             let inside = d.min_element() >= -0.5 && d.max_element() < 0.5 && in_front;

@@ -18,6 +18,7 @@ use surfel::reference::{self, MARGIN_F32};
 use surfel::select::{DepthConvention, DrawList, View};
 use surfel::standalone::{Offscreen, Options, Shot, stress};
 use surfel::structure::Flat;
+use surfel::structure::groups::{Groups, Relax};
 use surfel::style::{BackFaces, Ellipse, EyeDome, Footprint, Shading, Style, Tolerance};
 use surfel::technique::{Blend, PRESETS, Technique};
 
@@ -209,9 +210,15 @@ fn check(off: &mut Offscreen, case: &Case) {
 }
 
 fn add(off: &mut Offscreen, cloud: &PointCloud) -> (Arc<Flat>, Instance) {
-    let flat = Arc::new(Flat::new(cloud));
+    let flat = Arc::new(grouped(Flat::new(cloud)));
     let id = off.renderer.add(Arc::clone(&flat)).expect("a cloud");
     (flat, Instance { cloud: id, transform: DMat4::IDENTITY })
+}
+
+/// With groups that overlap themselves a little: what decides between them is tested too.
+fn grouped(mut flat: Flat) -> Flat {
+    flat.groups = Some(Groups::color(&flat, &Relax { factor: 0.6, ..Relax::default() }).expect("groups"));
+    flat
 }
 
 /// Less than one in ten thousand.

@@ -196,7 +196,7 @@ fn a_renderer_that_never_drew_leaves_nothing() {
         let mut waiting = renderer(engine);
         let gone = waiting.add(sphere(20)).expect("a cloud");
         waiting.add(sphere(10)).expect("a cloud");
-        assert_eq!(waiting.pending_upload(), 30 * 24);
+        assert_eq!(waiting.pending_upload(), 30 * 25);
         waiting.remove(gone);
         waiting.remove(gone);
         assert_eq!(waiting.pending_upload(), 10 * 24);

@@ -6,6 +6,7 @@ use glam::{DMat4, DVec3, Vec3, dvec3};
 use surfel::load::PointCloud;
 use surfel::select::{DepthConvention, View};
 use surfel::structure::Flat;
+use surfel::structure::groups::{Groups, Relax};
 
 /// A unit sphere about the origin: `n` points along a spiral, evenly spread, with normals, covering radii and colours.
 pub fn sphere(n: usize) -> Arc<Flat> {
@@ -21,14 +22,16 @@ pub fn sphere(n: usize) -> Arc<Flat> {
     // Each point stands for 4π/n; 1.6 for a spiral's unevenness.
     let radius = 1.6 * (4.0 * std::f32::consts::PI / n.max(1) as f32).sqrt();
     let color = |v: f32| (127.5 + 127.0 * v) as u8;
-    Arc::new(Flat::new(&PointCloud {
+    let mut flat = Flat::new(&PointCloud {
         colors: Some(normals.iter().map(|p| [color(p.x), color(p.y), color(p.z)]).collect()),
         positions: normals.clone(),
         normals: Some(normals),
         radii: Some(vec![radius; n]),
         closed: true,
         ..PointCloud::default()
-    }))
+    });
+    flat.groups = Some(Groups::color(&flat, &Relax { factor: 0.6, ..Relax::default() }).expect("groups"));
+    Arc::new(flat)
 }
 
 /// What is done to a projection.

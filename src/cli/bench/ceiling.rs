@@ -45,7 +45,7 @@ fn case(combination: &Combination, footprint: f64) -> Option<Case> {
     let passes = match technique.blend {
         Blend::Opaque | Blend::Groups => Passes::Opaque,
         Blend::TwoPass => Passes::TwoPass,
-        Blend::Fuzzy => Passes::Color,
+        _ => Passes::Color,
     };
     let side = footprint.round();
     (1.0..=raw::LARGEST as f64).contains(&side).then_some(Case {

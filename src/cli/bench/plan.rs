@@ -149,10 +149,7 @@ pub fn way(combination: &Combination, style: &Style) -> Result<Way> {
         ..*style
     };
     let technique = Technique::named(&combination.technique).context(other)?;
-    let form = Form {
-        factor: combination.factor,
-        storage: Arrangement::named(&combination.storage).context(other)?,
-    };
+    let form = Form { factor: combination.factor, storage: Arrangement::named(&combination.storage).context(other)? };
     Ok(Way { combination: combination.clone(), technique, style, form })
 }
 
@@ -191,7 +188,8 @@ mod tests {
             1,
             "opaque has no tolerance"
         );
-        let one_pass = "--views 1 --factors 0.4,1 --voronois cones,off --fronts nearest,first --storages as-read,morton";
+        let one_pass =
+            "--views 1 --factors 0.4,1 --voronois cones,off --fronts nearest,first --storages as-read,morton";
         let of = |technique: &str| keys(&format!("{one_pass} --techniques {technique}")).len();
         assert_eq!([of("flat.two-pass.point"), of("flat.fuzzy.point"), of("flat.groups.point")], [2, 4, 8]);
         assert_eq!(indices([2, 1, 2]), [[0, 0, 0], [0, 0, 1], [1, 0, 0], [1, 0, 1]]);
@@ -216,6 +214,9 @@ mod tests {
         assert_eq!(way.technique, PRESETS[0].1);
         let args = sweep("--techniques flat.groups.quad --factors 0.5 --voronois slabs --storages random");
         let way = self::way(&plan(&args, "a", "s")[0], &Style::default()).unwrap();
-        assert_eq!((way.form, way.style.voronoi), (Form { factor: Some(0.5), storage: Arrangement::Random }, Voronoi::Slabs));
+        assert_eq!(
+            (way.form, way.style.voronoi),
+            (Form { factor: Some(0.5), storage: Arrangement::Random }, Voronoi::Slabs)
+        );
     }
 }

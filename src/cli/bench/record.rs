@@ -204,8 +204,20 @@ pub fn csv(records: &[Record]) -> String {
         false => text.to_owned(),
     };
     let mut header = vec![
-        "input", "samples", "technique", "ellipse", "scale", "tolerance", "sums", "front", "voronoi", "factor", "storage",
-        "view", "width", "height",
+        "input",
+        "samples",
+        "technique",
+        "ellipse",
+        "scale",
+        "tolerance",
+        "sums",
+        "front",
+        "voronoi",
+        "factor",
+        "storage",
+        "view",
+        "width",
+        "height",
     ];
     header.extend(COLUMNS.iter().map(|(name, _)| name));
     header.extend(ERRORS);
