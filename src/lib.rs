@@ -33,6 +33,7 @@ pub mod gpu;
 pub mod host;
 pub mod load;
 pub mod measure;
+mod par;
 pub mod readback;
 #[cfg(feature = "reference")]
 pub mod reference;

@@ -14,7 +14,6 @@ mod copies;
 #[cfg(feature = "las")]
 mod las;
 mod merge;
-mod par;
 #[cfg(feature = "ply")]
 mod ply;
 mod sample;

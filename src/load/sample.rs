@@ -2,8 +2,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Mesh, PointCloud, par};
+use super::{Mesh, PointCloud};
 use crate::color::{decode_table, linear_to_srgb};
+use crate::par;
 use crate::rng::Rng;
 
 /// Points a task: enough to hide its cost.

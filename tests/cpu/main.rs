@@ -12,7 +12,11 @@ mod attributes_neighbours;
 mod attributes_normals;
 mod attributes_radii;
 mod attributes_shapes;
+#[path = "../common/folder.rs"]
+mod folder;
 mod golden;
+mod groups;
+mod groups_file;
 #[path = "../common/golden.rs"]
 mod kept;
 mod load_bad;

@@ -16,7 +16,8 @@ use laz::{LazItemType, LazVlr};
 use super::header::Header;
 use super::points::{Block, Layout, Points, decode_into};
 use crate::error::{Error, Place, Result};
-use crate::load::{Options, Source, par};
+use crate::load::{Options, Source};
+use crate::par;
 
 /// Records decoded into one buffer.
 const STEP: usize = 4096;

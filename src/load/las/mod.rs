@@ -13,8 +13,9 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
-use super::{Options, PointCloud, Source, clean, par};
+use super::{Options, PointCloud, Source, clean};
 use crate::error::{Error, Place, Result};
+use crate::par;
 use header::Header;
 use points::Points;
 

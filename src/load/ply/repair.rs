@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::Vec3;
 
-use crate::load::{PointCloud, par};
+use crate::load::PointCloud;
+use crate::par;
 
 /// Makes normals unit vectors or zero, and counts what had to be done.
 pub(super) fn normals(cloud: &mut PointCloud) {

@@ -157,7 +157,7 @@ impl<'a> Table<'a> {
     /// A whole column, each value through `f`.
     pub(super) fn column<T: Clone + Send>(&self, field: Field, zero: T, f: impl Fn(f64) -> T + Sync + Send) -> Vec<T> {
         let mut out = vec![zero; self.rows()];
-        crate::load::par::fill(&mut out, BLOCK, |first, out| self.each(field, first, out, |o, v| *o = f(v)));
+        crate::par::fill(&mut out, BLOCK, |first, out| self.each(field, first, out, |o, v| *o = f(v)));
         out
     }
 }

@@ -8,7 +8,8 @@ use super::header::{Element, Scalar};
 use super::table::{BLOCK, Field, Table};
 use super::{repair, splat};
 use crate::error::{Error, Place, Result};
-use crate::load::{PointCloud, Report, clean, par};
+use crate::load::{PointCloud, Report, clean};
+use crate::par;
 
 const COLORS: [[&str; 3]; 2] = [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 const ALPHAS: [&str; 2] = ["alpha", "diffuse_alpha"];

@@ -1,9 +1,8 @@
-//! The two parallel shapes that loading needs. Without `preprocess` they run on the caller's thread; results are the
+//! The two parallel shapes that loading and structures need. Without `preprocess` they run on the caller's thread; results are the
 //! same bytes either way, because every item writes a place of its own.
 
 /// `f` of every item, in order.
-#[cfg(feature = "las")]
-pub(super) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
+pub(crate) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
     #[cfg(feature = "preprocess")]
     {
         use rayon::prelude::*;
@@ -14,7 +13,7 @@ pub(super) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync + Se
 }
 
 /// Calls `f(index of the first item, items)` for consecutive blocks of at most `block` items.
-pub(super) fn fill<T: Send>(out: &mut [T], block: usize, f: impl Fn(usize, &mut [T]) + Sync + Send) {
+pub(crate) fn fill<T: Send>(out: &mut [T], block: usize, f: impl Fn(usize, &mut [T]) + Sync + Send) {
     #[cfg(feature = "preprocess")]
     {
         use rayon::prelude::*;
@@ -28,7 +27,7 @@ pub(super) fn fill<T: Send>(out: &mut [T], block: usize, f: impl Fn(usize, &mut 
 
 /// How many items of [`map`] can run at once.
 #[cfg(feature = "las")]
-pub(super) fn width() -> usize {
+pub(crate) fn width() -> usize {
     #[cfg(feature = "preprocess")]
     {
         rayon::current_num_threads()
