@@ -11,7 +11,7 @@ use glam::{DMat4, DVec3, dvec3};
 use surfel::load::synthetic;
 use surfel::reference::{Instance, MeshInstance, MeshScene, Picture, SAMPLES, Scene, Surface, ray_cast, render};
 use surfel::select::{DepthConvention, DrawList, View};
-use surfel::structure::Flat;
+use surfel::structure::{Flat, Groups};
 use surfel::style::{BackFaces, Style};
 use surfel::technique::Technique;
 
@@ -41,7 +41,11 @@ fn check(picture: &Picture) {
 fn splats(c: &mut Criterion, points: usize, side: u32) {
     let mut group = c.benchmark_group("splats");
     group.sample_size(10).throughput(Throughput::Elements(points as u64));
-    let sphere = Flat::new(&synthetic::scene("sphere", points, 1).expect("a scene of this name"));
+    let mut sphere = Flat::new(&synthetic::scene("sphere", points, 1).expect("a scene of this name"));
+    // As many as a surface takes; that they overlap costs a square root.
+    let mut groups = Groups::default();
+    (groups.of, groups.count, groups.overlapping) = ((0..points).map(|i| (i % 12) as u8).collect(), 12, true);
+    sphere.groups = Some(groups);
     let facing = Flat { normals: None, ..sphere.clone() };
     let view = view();
     // Radius of 2 px at the centre's distance.
@@ -55,6 +59,8 @@ fn splats(c: &mut Criterion, points: usize, side: u32) {
         ("two-pass, facing", &facing, "flat.two-pass.point"),
         ("two-pass, on a sphere", &sphere, "flat.two-pass.point"),
         ("opaque, on a sphere", &sphere, "flat.opaque.point"),
+        ("fuzzy, on a sphere", &sphere, "flat.fuzzy.point"),
+        ("groups, on a sphere", &sphere, "flat.groups.point"),
     ] {
         let list = DrawList::all([points as u32]);
         let instances = [Instance { flat, transform: DMat4::IDENTITY }];

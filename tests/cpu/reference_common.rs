@@ -68,7 +68,7 @@ impl Small {
     /// Drawn in groups: that of every splat, and whether they may overlap.
     pub fn groups(mut self, of: Vec<u8>, overlapping: bool) -> Small {
         let count = of.iter().max().map_or(0, |&g| g as u32 + 1);
-        self.flat.groups = Some(Groups { of, count, overlapping, ..Default::default() });
+        self.flat.groups = Some(grouped(of, count, overlapping));
         self.blend(Blend::Groups)
     }
 
@@ -90,6 +90,13 @@ impl Small {
     pub fn render(&self) -> Picture {
         self.with(|scene| render(scene, 0.0))
     }
+}
+
+/// Groups made by hand; whatever else belongs to them is as it comes.
+pub fn grouped(of: Vec<u8>, count: u32, overlapping: bool) -> Groups {
+    let mut groups = Groups::default();
+    (groups.of, groups.count, groups.overlapping) = (of, count, overlapping);
+    groups
 }
 
 pub fn technique(name: &str) -> Technique {

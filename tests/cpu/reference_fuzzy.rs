@@ -196,3 +196,28 @@ fn ties_by_hand() {
     assert!(replaced(&[(0.0, RED), (2.0, RED)]), "the host's depth may have hidden it");
     assert!(!stack(&[(2.0, RED)]).with(|s| render(s, MARGIN_F32)).ties[5 * 8 + 5]);
 }
+
+/// A tolerance of 4 between depths 3 and 7: the depths are off by 6 and 14 margins, the tolerance by 12.
+#[test]
+fn the_tolerance_has_an_error_of_its_own() {
+    let margin = 1e-5;
+    for (beyond, expected) in [(26.0, true), (40.0, false), (-26.0, true), (-40.0, false)] {
+        let mut splats = vec![(2.0, RED), (-2.0 - (beyond * margin) as f32, BLUE)];
+        for _ in 0..2 {
+            let scene = stack(&splats).style(|s| s.tolerance = Tolerance { absolute: 4.0, relative: 0.0 });
+            assert_eq!(scene.with(|s| render(s, margin)).ties[4 * 8 + 4], expected, "{beyond} margins, {splats:?}");
+            splats.reverse();
+        }
+    }
+}
+
+/// What was replaced has no part in it.
+#[test]
+fn sensitivity_is_that_of_what_is_summed() {
+    let sensitivity = |scene: Small| scene.with(|s| render(s, 1e-6)).sensitivity[6 * 8 + 4];
+    let front = (2.0, WHITE);
+    let (alone, replaced) = (stack(&[(-3.0, RED), front]), stack(&[(0.0, RED), (-0.5, RED), front]));
+    // The rim's slope over its weight: 8 ln 2 a radius, of 2 px.
+    assert!((sensitivity(alone.clone()) - 4.0 * 2f64.ln()).abs() < 1e-9);
+    assert_eq!(sensitivity(replaced), sensitivity(alone));
+}

@@ -171,6 +171,25 @@ fn ties_by_hand() {
     }
 }
 
+/// Keys that differ by less than what u alone is off by: at pixel (4, 4) red is as near as blue, but for `nudge`.
+#[test]
+fn u_has_an_error_of_its_own() {
+    let margin = 1e-5;
+    let tie = |nudge: f64, voronoi, absolute| {
+        let blue = [1.5 + nudge as f32, -0.5, 0.5];
+        let scene = Small::flat_view().splat([-0.5, -0.5, 0.5], Z, 4.0, RED).splat(blue, Z, 4.0, BLUE);
+        let scene = block(scene).groups(vec![0, 0], true);
+        let scene = scene.style(|s| (s.voronoi, s.tolerance) = (voronoi, Tolerance { absolute, relative: 1.0 }));
+        scene.with(|s| render(s, margin)).ties[4 * 8 + 4]
+    };
+    // du ≈ margin · (4.5 + 1) / 4 each, so 100 u is off by 280 margins for both, z by 20; the nudge is a quarter in u.
+    assert!(tie(6.0 * margin, Voronoi::Cones, 100.0));
+    assert!(!tie(20.0 * margin, Voronoi::Cones, 100.0));
+    // Four slabs: keys off by half a margin from rounding them, and by 0.35 for each u; the nudge is a sixteenth.
+    assert!(tie(14.4 * margin, Voronoi::Slabs, 0.0));
+    assert!(!tie(40.0 * margin, Voronoi::Slabs, 0.0));
+}
+
 #[test]
 #[should_panic(expected = "Groups::color makes them")]
 fn a_cloud_without_groups_is_refused() {

@@ -5,12 +5,12 @@ use surfel::color::srgb_to_linear;
 use surfel::reference::{Instance, MARGIN_F32, Scene, render};
 use surfel::select::{DepthConvention, DrawList, Span, View};
 use surfel::structure::flat::Block;
-use surfel::structure::{Flat, Groups, octahedral};
+use surfel::structure::{Flat, octahedral};
 use surfel::style::{BackFaces, Ellipse, Footprint, Front, Shading, Style, Tolerance, Voronoi};
 use surfel::technique::Blend;
 
 use crate::reference_blends::{Hit, Kept, fuzzy, groups, within_tolerance};
-use crate::reference_common::{Random, technique};
+use crate::reference_common::{Random, grouped, technique};
 
 /// Unlit picture: colour · α with α, and depth. Splats must be valid.
 pub fn oracle(scene: &Scene) -> Vec<(DVec4, f64)> {
@@ -154,7 +154,7 @@ fn cloud(random: &mut Random, n: usize, attributes: bool) -> Flat {
     // Groups that overlap themselves, now and then by chance; slabs over the middle half, so that others lie beyond.
     let (count, overlapping) = (12, attributes);
     let of = (0..n).map(|_| random.range(0.0, count as f64) as u8).collect();
-    flat.groups = Some(Groups { of, count, overlapping, ..Default::default() });
+    flat.groups = Some(grouped(of, count, overlapping));
     let half = glam::Vec3::splat(0.75);
     flat.blocks = vec![Block { first: 0, count: n as u32, min: -half, max: half, radius: 0.1 }];
     flat

@@ -4,18 +4,18 @@ use glam::{DMat4, DVec3, DVec4, dvec3};
 use surfel::load::synthetic;
 use surfel::reference::{Instance, MARGIN_F32, Picture, Scene, render};
 use surfel::select::{DrawList, View};
-use surfel::structure::{Flat, Groups};
+use surfel::structure::Flat;
 use surfel::style::{BackFaces, Front, Shading, Style, Voronoi};
 use surfel::technique::Blend;
 
-use crate::reference_common::{Random, technique};
+use crate::reference_common::{Random, grouped, technique};
 
 const SIZE: u32 = 160;
 const EYE: DVec3 = dvec3(1.9, -1.6, 1.2);
 
-/// A group for every splat that shares none with an earlier one nearer than `factor` times the sum of their radii, as far
+/// A scene with a group for every splat that holds no earlier one nearer than `factor` times the sum of their radii, as far
 /// as 256 go.
-fn grouped(name: &str, points: usize, factor: f32) -> Flat {
+fn surface(name: &str, points: usize, factor: f32) -> Flat {
     let mut flat = Flat::new(&synthetic::scene(name, points, 1).unwrap());
     let mut of: Vec<u8> = vec![];
     for (i, &[x, y, z, r]) in flat.geometry.iter().enumerate() {
@@ -27,7 +27,7 @@ fn grouped(name: &str, points: usize, factor: f32) -> Flat {
         of.push(taken.iter().position(|t| !t).unwrap_or(255) as u8);
     }
     let count = of.iter().max().map_or(0, |&g| g as u32 + 1);
-    flat.groups = Some(Groups { of, count, overlapping: factor < 1.0, ..Default::default() });
+    flat.groups = Some(grouped(of, count, factor < 1.0));
     flat
 }
 
@@ -58,7 +58,7 @@ fn picture(flat: &Flat, blend: Blend, style: &Style, margin: f64) -> Picture {
 #[test]
 fn few_pixels_of_a_surface_are_ties() {
     for scene in ["sphere", "demo", "room"] {
-        let flats = [1.0, 0.5].map(|factor| grouped(scene, 6000, factor));
+        let flats = [1.0, 0.5].map(|factor| surface(scene, 6000, factor));
         // Splats of one plane are equally deep all over: without cones or slabs nothing but rounding decides.
         for (name, blend, style, factor) in every_blend().into_iter().filter(|b| b.2.voronoi != Voronoi::Off) {
             let picture = picture(&flats[(factor < 1.0) as usize], blend, &style, MARGIN_F32);
@@ -79,7 +79,7 @@ fn what_is_no_tie_changes_little() {
     // Across the ray √2 · noise at most; stored positions of up to 2 round by 2⁻²⁴ each way.
     let shift = (2f64.sqrt() * noise + 2f64.sqrt() * 2f64.powi(-24)) * focal;
     for scene in ["sphere", "demo", "room"] {
-        let flats = [1.0, 0.5].map(|factor| grouped(scene, 3000, factor));
+        let flats = [1.0, 0.5].map(|factor| surface(scene, 3000, factor));
         for (name, blend, style, factor) in every_blend() {
             let flat = &flats[(factor < 1.0) as usize];
             let before = picture(flat, blend, &style, MARGIN_F32);
