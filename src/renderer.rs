@@ -201,7 +201,7 @@ impl Renderer {
         }
         let mut stats = FrameStats {
             frame: input.id,
-            sums: input.style.sums,
+            sums: plan.sums,
             blend: plan.blend,
             ordered: plan.ordered,
             layers: plan.layers,
@@ -210,6 +210,10 @@ impl Renderer {
         };
         self.ensure_targets(input, &plan)?;
         self.ensure_layers(input, &plan)?;
+        if let Some(layers) = self.layers.as_ref().filter(|_| plan.layers > 0) {
+            let pixels = input.extent.width as u64 * input.extent.height as u64;
+            stats.layer_bytes = pixels * layers.plan.bytes_per_pixel();
+        }
         let draws = (input.views.len() * input.instances.len()).max(1) as u64;
         let slot = self.ensure_slot(draws)?;
         self.stage()?;
@@ -510,7 +514,7 @@ impl Renderer {
             extent: input.extent,
             layers: input.views.len() as u32,
             surface: plan.surface(),
-            sums: input.style.sums,
+            sums: plan.sums,
             ordered: plan.ordered,
         };
         if let Some(old) = &self.targets {
@@ -538,7 +542,7 @@ impl Renderer {
         if plan.blend != Blend::Groups {
             return Ok(());
         }
-        let wanted = LayerPlan { extent: input.extent, count: plan.layers, normals: plan.lit, sums: input.style.sums };
+        let wanted = LayerPlan { extent: input.extent, count: plan.layers, normals: plan.lit, sums: plan.sums };
         if self.layers.as_ref().is_some_and(|old| old.plan == wanted) {
             return Ok(());
         }

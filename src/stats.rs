@@ -73,6 +73,8 @@ pub struct FrameStats {
     pub ordered: Option<OrderedAccess>,
     /// Layers that `groups` drew into, K; 0 for other blends.
     pub layers: u32,
+    /// Bytes of device memory of those layers.
+    pub layer_bytes: u64,
     /// Recorded draw and dispatch calls.
     pub draw_calls: u32,
     /// In order; empty where the device has no timestamps.

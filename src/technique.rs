@@ -71,30 +71,36 @@ pub struct Technique {
 }
 
 impl Technique {
+    /// Two passes over all points: no order, no groups, no optional feature. What splats are judged by.
+    pub const TWO_PASS: Technique = Technique {
+        structure: Structure::Flat,
+        selection: Selection::All,
+        primitive: Primitive::Point,
+        order: Order::Stored,
+        blend: Blend::TwoPass,
+    };
+
     /// The preset of this name, if there is one.
     pub fn named(name: &str) -> Option<Technique> {
         PRESETS.iter().find(|(n, _)| *n == name).map(|(_, t)| *t)
     }
 }
 
-const TWO_PASS: Technique = Technique {
-    structure: Structure::Flat,
-    selection: Selection::All,
-    primitive: Primitive::Point,
-    order: Order::Stored,
-    blend: Blend::TwoPass,
-};
+const fn flat(blend: Blend, primitive: Primitive) -> Technique {
+    Technique { blend, primitive, ..Technique::TWO_PASS }
+}
 
-/// Techniques by name: `structure.blend.primitive`. The first is the default.
+/// Techniques by name: `structure.blend.primitive`. The first is the default: of those that blend, the fastest, at no more
+/// error than any (docs/MEASURING.md).
 pub const PRESETS: &[(&str, Technique)] = &[
-    ("flat.two-pass.point", TWO_PASS),
-    ("flat.two-pass.quad", Technique { primitive: Primitive::Quad, ..TWO_PASS }),
-    ("flat.opaque.point", Technique { blend: Blend::Opaque, ..TWO_PASS }),
-    ("flat.opaque.quad", Technique { blend: Blend::Opaque, primitive: Primitive::Quad, ..TWO_PASS }),
-    ("flat.fuzzy.point", Technique { blend: Blend::Fuzzy, ..TWO_PASS }),
-    ("flat.fuzzy.quad", Technique { blend: Blend::Fuzzy, primitive: Primitive::Quad, ..TWO_PASS }),
-    ("flat.groups.point", Technique { blend: Blend::Groups, ..TWO_PASS }),
-    ("flat.groups.quad", Technique { blend: Blend::Groups, primitive: Primitive::Quad, ..TWO_PASS }),
+    ("flat.fuzzy.point", flat(Blend::Fuzzy, Primitive::Point)),
+    ("flat.fuzzy.quad", flat(Blend::Fuzzy, Primitive::Quad)),
+    ("flat.two-pass.point", flat(Blend::TwoPass, Primitive::Point)),
+    ("flat.two-pass.quad", flat(Blend::TwoPass, Primitive::Quad)),
+    ("flat.groups.point", flat(Blend::Groups, Primitive::Point)),
+    ("flat.groups.quad", flat(Blend::Groups, Primitive::Quad)),
+    ("flat.opaque.point", flat(Blend::Opaque, Primitive::Point)),
+    ("flat.opaque.quad", flat(Blend::Opaque, Primitive::Quad)),
 ];
 
 impl Default for Technique {

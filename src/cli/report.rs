@@ -48,6 +48,7 @@ impl Report {
             "blend_drawn": stats.blend.name(),
             "ordered_access": stats.ordered.map(|o| o.name()),
             "layers": stats.layers,
+            "layer_bytes": stats.layer_bytes,
             "sums": stats.sums.name(),
             "points_input": self.points_input,
             "points_submitted": stats.points_submitted,
@@ -84,7 +85,7 @@ impl Report {
             row("ordered by", access.to_string());
         }
         if stats.layers > 0 {
-            row("layers", stats.layers.to_string());
+            row("layers", format!("{}, {}", stats.layers, memory::human(stats.layer_bytes)));
         }
         let drawn = stats.points_drawn.map_or("?".into(), grouped);
         row("points", format!("{} in the input, {drawn} drawn", grouped(self.points_input)));

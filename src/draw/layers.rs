@@ -31,11 +31,16 @@ pub struct LayerPlan {
 impl LayerPlan {
     /// Bytes a pixel of all layers: 28 B a layer, 16 B more with normals, 8 B less in half precision.
     pub fn bytes_per_pixel(&self) -> u64 {
-        let color = match self.sums {
+        self.count as u64 * (self.color_bytes() + 8 + 4 + if self.normals { 16 } else { 0 })
+    }
+}
+
+impl LayerPlan {
+    fn color_bytes(&self) -> u64 {
+        match self.sums {
             SumPrecision::Single => 16,
             SumPrecision::Half => 8,
-        };
-        self.count as u64 * (color + 8 + 4 + if self.normals { 16 } else { 0 })
+        }
     }
 }
 
@@ -71,15 +76,21 @@ impl Layers {
         let mut pool = vk::DescriptorPool::null();
         let mut made: Vec<Image> = Vec::new();
         let all = (|| -> Result<vk::DescriptorSet> {
-            let mut make = |name, format, usage| {
+            let pixels = plan.extent.width as u64 * plan.extent.height as u64 * plan.count as u64;
+            let mut make = |name: &str, format, texel: u64, usage| {
+                let requested = pixels * texel;
+                if requested > context.max_image_bytes(format, usage) {
+                    let what = format!("{name} of {} groups", plan.count);
+                    return Err(Error::OutOfDeviceMemory { what, requested });
+                }
                 made.push(Image::new(context, name, format, plan.extent, plan.count, usage)?);
                 Ok(())
             };
-            make("layers.depth", LAYER_DEPTH, vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT)?;
-            make("layers.color", sums_format(plan.sums), sampled)?;
-            make("layers.front", FRONT, sampled)?;
+            make("layers.depth", LAYER_DEPTH, 4, vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT)?;
+            make("layers.color", sums_format(plan.sums), plan.color_bytes(), sampled)?;
+            make("layers.front", FRONT, 8, sampled)?;
             if plan.normals {
-                make("layers.normals", SURFACE, sampled)?;
+                make("layers.normals", SURFACE, 16, sampled)?;
             }
             let ty = vk::DescriptorType::COMBINED_IMAGE_SAMPLER;
             pool = context.descriptor_pool("layers.set", 1, &[vk::DescriptorPoolSize { ty, descriptor_count: 3 }])?;

@@ -1,7 +1,7 @@
 //! What a frame will run, as a pure function of its input: no Vulkan call, testable at every edge.
 
 use crate::stats::{OrderedAccess, Skip};
-use crate::style::{BackFaces, Footprint, Shading, Style, Voronoi};
+use crate::style::{BackFaces, Footprint, Shading, Style, SumPrecision, Voronoi};
 use crate::technique::{Blend, Primitive, Technique};
 
 /// What is known of a cloud before it is drawn.
@@ -39,6 +39,8 @@ pub struct FramePlan {
     pub blend: Blend,
     /// How `fuzzy` is drawn; `None` for other blends.
     pub ordered: Option<OrderedAccess>,
+    /// Precision of the sums.
+    pub sums: SumPrecision,
     /// Layers of `groups`; 0 for other blends.
     pub layers: u32,
     /// What decides within a layer of `groups`; `Off` where no group overlaps itself, and for other blends.
@@ -79,6 +81,11 @@ impl FramePlan {
             blend => blend,
         };
         let ordered = ordered.filter(|_| blend == Blend::Fuzzy);
+        let mut sums = style.sums;
+        if ordered == Some(OrderedAccess::Interlock) && sums != SumPrecision::Single {
+            skip("half sums", "the interlock's storage images have one format, in single precision");
+            sums = SumPrecision::Single;
+        }
         let (mut layers, mut voronoi) = (0, Voronoi::Off);
         if blend == Blend::Groups {
             let groups = || clouds.iter().filter_map(|c| c.groups);
@@ -136,7 +143,7 @@ impl FramePlan {
             };
             skip("point sprites", reason);
         }
-        FramePlan { blend, ordered, layers, voronoi, lit, front, quads, disc: opaque && !pixels, pixels, skipped }
+        FramePlan { blend, ordered, sums, layers, voronoi, lit, front, quads, disc: opaque && !pixels, pixels, skipped }
     }
 
     /// Whether the attachment of normals and the front's depth is needed. `fuzzy` has the depth elsewhere.
@@ -215,6 +222,14 @@ mod tests {
             assert!(skips(&fallen, wanted.name()) && !skips(&fallen, "visibility"));
         }
         assert_eq!(plan(&style, &[SCAN], true).ordered, None, "two-pass needs no order");
+        let half = Style { sums: SumPrecision::Half, ..style };
+        for (ordered, sums) in
+            [(OrderedAccess::Interlock, SumPrecision::Single), (OrderedAccess::RasterizationOrder, SumPrecision::Half)]
+        {
+            let given = Surroundings { ordered: Some(ordered), ..ALL };
+            let plan = FramePlan::new(&blend(Blend::Fuzzy), &half, &[SCAN], &given);
+            assert_eq!((plan.sums, skips(&plan, "half sums")), (sums, sums == SumPrecision::Single));
+        }
     }
 
     #[test]

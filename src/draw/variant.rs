@@ -144,7 +144,7 @@ impl Variant {
             voronoi: plan.voronoi,
             front: style.front,
             surface: if plan.blend == Blend::Groups { plan.lit } else { targets.surface },
-            sums: style.sums,
+            sums: plan.sums,
         }
     }
 

@@ -52,6 +52,8 @@ pub struct Context {
     /// Bytes of device memory held now.
     pub allocated: u64,
     debug: Option<ext::debug_utils::Device>,
+    instance: ash::Instance,
+    physical_device: vk::PhysicalDevice,
 }
 
 impl Context {
@@ -67,7 +69,35 @@ impl Context {
         // SAFETY: the physical device belongs to the instance (a precondition of `Host`).
         let limits = unsafe { instance.get_physical_device_properties(physical_device) }.limits;
         let debug = enabled.debug_utils.then(|| ext::debug_utils::Device::new(instance, &device));
-        Context { device, limits, enabled, pipeline_cache, memory, allocated: 0, debug }
+        Context {
+            device,
+            limits,
+            enabled,
+            pipeline_cache,
+            memory,
+            allocated: 0,
+            debug,
+            instance: instance.clone(),
+            physical_device,
+        }
+    }
+
+    /// Most bytes that an image of this format and use may take; 0 where the device has none.
+    pub fn max_image_bytes(&self, format: vk::Format, usage: vk::ImageUsageFlags) -> u64 {
+        let (kind, tiling) = (vk::ImageType::TYPE_2D, vk::ImageTiling::OPTIMAL);
+        let flags = vk::ImageCreateFlags::empty();
+        // SAFETY: the physical device belongs to the instance, and both outlive the context (preconditions of `Host`).
+        let found = unsafe {
+            self.instance.get_physical_device_image_format_properties(
+                self.physical_device,
+                format,
+                kind,
+                tiling,
+                usage,
+                flags,
+            )
+        };
+        found.map_or(0, |properties| properties.max_resource_size)
     }
 
     /// Names an object in the host's captures: `surfel.` and `name`.

@@ -19,8 +19,9 @@ use crate::host::Instance;
 use crate::load::PointCloud;
 use crate::select::{DepthConvention, View};
 use crate::structure::Flat;
+use crate::structure::groups::{Groups, Relax};
 use crate::style::{BackFaces, EyeDome, Shading, Style};
-use crate::technique::{PRESETS, Technique};
+use crate::technique::{Blend, PRESETS, Technique};
 
 /// What is tested, and with which checks.
 #[derive(Debug, Clone, Default)]
@@ -226,8 +227,11 @@ fn show(
 /// Looks from outside, and from within, where every pixel must be covered.
 fn look(offscreen: &mut Offscreen, technique: Technique, scene: &Scene, size: [u32; 2]) -> Result<(), String> {
     let text = |e: crate::Error| e.to_string();
-    let flat = Arc::new(Flat::new(&sphere(scene.origin, scene.attributes)));
-    let cloud = offscreen.renderer.add(flat).map_err(text)?;
+    let mut flat = Flat::new(&sphere(scene.origin, scene.attributes));
+    if technique.blend == Blend::Groups {
+        flat.groups = Some(Groups::color(&flat, &Relax::default()).map_err(text)?);
+    }
+    let cloud = offscreen.renderer.add(Arc::new(flat)).map_err(text)?;
     let instances = [Instance { cloud, transform: DMat4::IDENTITY }];
     let aspect = size[0] as f64 / size[1] as f64;
     let projection = View::perspective(FOV.to_radians(), aspect, 0.05);

@@ -29,7 +29,7 @@ fn interior(cloud: &PointCloud, samples: usize, view: &View, truth: &Image) -> I
         view,
         width: SIDE,
         height: SIDE,
-        technique: Technique::default(),
+        technique: Technique::TWO_PASS,
         style: &Style::default(),
         host_depth: None,
     };

@@ -17,7 +17,7 @@ fn write(folder: &Path, file: &str, width: u32, height: u32, rgb: &[u8]) {
 /// As the device would hand it over.
 fn reference(case: &stress::Case) -> Picture {
     let [width, height] = case.size;
-    let rgba = stress::reference(case).rgba.iter().map(|p| p.map(|v| v as f32)).collect();
+    let rgba = stress::reference(case).expect("a picture").rgba.iter().map(|p| p.map(|v| v as f32)).collect();
     Picture { width, height, rgba, depth: None }
 }
 

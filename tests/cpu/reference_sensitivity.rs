@@ -14,7 +14,7 @@ fn a_shift_moves_no_pixel_by_more_than_it_says() {
         // Clip space is 2 wide: everything goes right by the shift [px].
         let p = &mut moved.take.view.projection;
         p.z_axis.x += 2.0 * shift / case.size[0] as f64 * p.z_axis.w;
-        let (a, b) = (stress::reference(&case), stress::reference(&moved));
+        let (a, b) = (stress::reference(&case).expect("a picture"), stress::reference(&moved).expect("a picture"));
         for i in (0..a.rgba.len()).filter(|i| !a.ties[*i] && !b.ties[*i]) {
             let change = (0..4).map(|k| (a.rgba[i][k] - b.rgba[i][k]).abs()).fold(0.0, f64::max);
             // First order; the second is the shift's square times the weights' curvature, at most 100 a squared pixel.

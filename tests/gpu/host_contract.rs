@@ -75,6 +75,21 @@ fn the_page_lists_every_command() {
             engine.wait(id);
             renderer.retire(id).expect("statistics");
         }
+        // The flags without which another device than lavapipe would blend in any order.
+        let ordered = host_table::ordered();
+        assert!(!ordered.passes.is_empty() && !ordered.pipelines.is_empty(), "{ordered:?}");
+        let attachment = vk::PipelineStageFlags::COLOR_ATTACHMENT_OUTPUT;
+        let itself = (
+            attachment,
+            vk::AccessFlags::COLOR_ATTACHMENT_WRITE,
+            vk::PipelineStageFlags::FRAGMENT_SHADER,
+            vk::AccessFlags::INPUT_ATTACHMENT_READ,
+            vk::DependencyFlags::BY_REGION,
+        );
+        let subpass = vk::SubpassDescriptionFlags::RASTERIZATION_ORDER_ATTACHMENT_COLOR_ACCESS_EXT;
+        assert!(ordered.passes.iter().all(|pass| *pass == (subpass, vec![itself])), "{:?}", ordered.passes);
+        let blending = vk::PipelineColorBlendStateCreateFlags::RASTERIZATION_ORDER_ATTACHMENT_ACCESS_EXT;
+        assert!(ordered.pipelines.iter().all(|flags| *flags == blending), "{:?}", ordered.pipelines);
         for (entry, commands) in ["prepare", "render", "composite"].into_iter().zip(&recorded) {
             assert_eq!(*commands, documented(entry), "{entry}: recorded, and in docs/EMBEDDING.md");
         }

@@ -17,8 +17,22 @@ struct Table {
     fail_at: u64,
     failed: Option<&'static str>,
     commands: Vec<&'static str>,
+    ordered: Ordered,
     images: Vec<vk::Image>,
 }
+
+/// What was said about order when passes and pipelines were made: no picture of a device that is in order anyway tells.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Ordered {
+    /// Flags of every subpass, and the dependencies of subpasses on themselves.
+    pub passes: Vec<(vk::SubpassDescriptionFlags, Vec<SelfDependency>)>,
+    /// Flags of the colour blending of every pipeline for such a pass.
+    pub pipelines: Vec<vk::PipelineColorBlendStateCreateFlags>,
+}
+
+/// Source stages and accesses, destination stages and accesses, flags.
+pub type SelfDependency =
+    (vk::PipelineStageFlags, vk::AccessFlags, vk::PipelineStageFlags, vk::AccessFlags, vk::DependencyFlags);
 
 thread_local! {
     static TABLE: RefCell<Table> = RefCell::default();
@@ -84,14 +98,11 @@ wrappers! {
         create_set_layout = "vkCreateDescriptorSetLayout" (device: vk::Device, info: Info, callbacks: Info, out: Out);
         create_layout = "vkCreatePipelineLayout" (device: vk::Device, info: Info, callbacks: Info, out: Out);
         create_pool = "vkCreateDescriptorPool" (device: vk::Device, info: Info, callbacks: Info, out: Out);
-        create_pass = "vkCreateRenderPass" (device: vk::Device, info: Info, callbacks: Info, out: Out);
         create_framebuffer = "vkCreateFramebuffer" (device: vk::Device, info: Info, callbacks: Info, out: Out);
         create_query_pool = "vkCreateQueryPool" (device: vk::Device, info: Info, callbacks: Info, out: Out);
         allocate_sets = "vkAllocateDescriptorSets" (device: vk::Device, info: Info, out: Out);
         bind_buffer = "vkBindBufferMemory" (device: vk::Device, buffer: vk::Buffer, memory: vk::DeviceMemory, at: u64);
         bind_image = "vkBindImageMemory" (device: vk::Device, image: vk::Image, memory: vk::DeviceMemory, at: u64);
-        graphics_pipelines = "vkCreateGraphicsPipelines"
-            (device: vk::Device, cache: vk::PipelineCache, count: u32, infos: Info, callbacks: Info, out: Out);
         compute_pipelines = "vkCreateComputePipelines"
             (device: vk::Device, cache: vk::PipelineCache, count: u32, infos: Info, callbacks: Info, out: Out);
     }
@@ -127,6 +138,62 @@ wrappers! {
     }
 }
 
+unsafe extern "system" fn create_pass(
+    device: vk::Device,
+    info: *const vk::RenderPassCreateInfo,
+    callbacks: Info,
+    out: Out,
+) -> vk::Result {
+    if fails("vkCreateRenderPass") {
+        return vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
+    }
+    // SAFETY: the caller gives a valid description, and the pointer is the real function of this name.
+    unsafe {
+        let dependencies = (0..(*info).dependency_count as usize).map(|i| *(*info).p_dependencies.add(i));
+        let itself = dependencies
+            .filter(|d| d.src_subpass == d.dst_subpass)
+            .map(|d| (d.src_stage_mask, d.src_access_mask, d.dst_stage_mask, d.dst_access_mask, d.dependency_flags));
+        let pass = ((*(*info).p_subpasses).flags, itself.collect());
+        TABLE.with_borrow_mut(|t| t.ordered.passes.push(pass));
+        type Create = unsafe extern "system" fn(vk::Device, *const vk::RenderPassCreateInfo, Info, Out) -> vk::Result;
+        let function: Create = std::mem::transmute(real("vkCreateRenderPass"));
+        function(device, info, callbacks, out)
+    }
+}
+
+unsafe extern "system" fn graphics_pipelines(
+    device: vk::Device,
+    cache: vk::PipelineCache,
+    count: u32,
+    infos: *const vk::GraphicsPipelineCreateInfo,
+    callbacks: Info,
+    out: Out,
+) -> vk::Result {
+    if fails("vkCreateGraphicsPipelines") {
+        return vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
+    }
+    // SAFETY: as above.
+    unsafe {
+        for i in 0..count as usize {
+            let info = &*infos.add(i);
+            if info.render_pass != vk::RenderPass::null() {
+                let flags = (*info.p_color_blend_state).flags;
+                TABLE.with_borrow_mut(|t| t.ordered.pipelines.push(flags));
+            }
+        }
+        type Create = unsafe extern "system" fn(
+            vk::Device,
+            vk::PipelineCache,
+            u32,
+            *const vk::GraphicsPipelineCreateInfo,
+            Info,
+            Out,
+        ) -> vk::Result;
+        let function: Create = std::mem::transmute(real("vkCreateGraphicsPipelines"));
+        function(device, cache, count, infos, callbacks, out)
+    }
+}
+
 unsafe extern "system" fn barrier(cmd: vk::CommandBuffer, info: *const vk::DependencyInfo) {
     // SAFETY: the caller gives a valid description, and the pointer is the real function of this name.
     unsafe {
@@ -153,6 +220,8 @@ pub fn wrapped_device(engine: &Engine) -> ash::Device {
         let address = address.map_or(std::ptr::null(), |f| f as *const c_void);
         let found = match text {
             "vkCmdPipelineBarrier2" => Some(("vkCmdPipelineBarrier2", barrier as *const c_void)),
+            "vkCreateRenderPass" => Some(("vkCreateRenderPass", create_pass as *const c_void)),
+            "vkCreateGraphicsPipelines" => Some(("vkCreateGraphicsPipelines", graphics_pipelines as *const c_void)),
             _ => wrapper(text),
         };
         match found {
@@ -178,6 +247,11 @@ pub fn fail_at(n: u64) {
 /// Which call failed, if one did.
 pub fn failed() -> Option<&'static str> {
     TABLE.with_borrow(|t| t.failed)
+}
+
+/// What was said about order so far.
+pub fn ordered() -> Ordered {
+    TABLE.with_borrow(|t| t.ordered.clone())
 }
 
 /// Names of the commands since the last call, and the images that barriers named.

@@ -21,6 +21,7 @@ mod host_target;
 mod host_targets;
 #[path = "../common/golden.rs"]
 mod kept;
+mod one_pass;
 mod raw;
 mod seeded;
 mod selftest;

@@ -59,7 +59,7 @@ impl Source {
         let picture = match self {
             Source::Mesh(surfaces) => reference::mesh(surfaces, view, [width, height], style, SAMPLES),
             Source::Points(flats) => {
-                reference::splats(flats, view, [width, height], Technique::default(), style, |scene| {
+                reference::splats(flats, view, [width, height], Technique::TWO_PASS, style, |scene| {
                     supersampled(scene, SUPERSAMPLES)
                 })
             }

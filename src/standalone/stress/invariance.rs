@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3, Vec3, dvec3};
 
-use super::scenes::{ASPECT, ahead, both, look, outside, plain, sheet, soup, take};
+use super::scenes::{ASPECT, ahead, blends, look, outside, plain, sheet, soup, take};
 use super::{Case, TARGET, Take};
 use crate::load::PointCloud;
 use crate::select::{DepthConvention, View};
 use crate::style::{Shading, Style};
+use crate::technique::Blend;
 
 const GROUP: &str = "invariance";
 
@@ -23,7 +24,7 @@ fn scaled() -> Vec<Case> {
     for scale in [1e-6, 1e-3, 1e3, 1e6] {
         let far = dvec3(0.3, 0.5, 3.0);
         let view = look(scale * far, DVec3::ZERO, View::perspective(0.8, ASPECT, 0.01 * scale));
-        for technique in both() {
+        for technique in blends() {
             let unscaled = take(&cloud, outside(), technique);
             let transform = DMat4::from_scale(DVec3::splat(scale));
             let placed = Take { transform, view, ..unscaled.clone() };
@@ -55,7 +56,7 @@ fn moved() -> Vec<Case> {
             View::facing(o + eye, eye.normalize(), DVec3::Y, lens, DepthConvention::Reversed)
         };
         let cloud = Arc::new(PointCloud { origin: by, ..soup() });
-        for technique in both() {
+        for technique in blends() {
             let unmoved = take(&Arc::new(soup()), at(DVec3::ZERO), technique);
             let case = Case::new(GROUP, format!("moved by {times:e} extents"), take(&cloud, at(by), technique));
             cases.push(if times < 1e8 {
@@ -71,7 +72,9 @@ fn moved() -> Vec<Case> {
 }
 
 fn permuted() -> Vec<Case> {
-    both()
+    blends()
+        .into_iter()
+        .filter(|t| t.blend != Blend::Fuzzy)
         .into_iter()
         .flat_map(|technique| {
             [("soup", soup()), ("sheet", sheet())].map(|(name, cloud)| {
@@ -105,7 +108,7 @@ fn conventions() -> Vec<Case> {
     (left.view, left.projection) = (mirror * left.view, left.projection * mirror);
     let lit = Style { shading: Shading::HEADLIGHT, ..plain() };
     let mut cases = Vec::new();
-    for technique in both() {
+    for technique in blends() {
         let right = take(&cloud, outside(), technique);
         for (name, view) in [("standard depth", standard), ("left-handed", left)] {
             // Internal depth, and so every decision, is the same: no bit changes.

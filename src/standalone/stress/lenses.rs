@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3, dvec3, dvec4};
 
 use super::Case;
-use super::scenes::{ASPECT, both, look, sheet, soup, take};
+use super::scenes::{ASPECT, blends, look, sheet, soup, take};
 use crate::load::PointCloud;
 use crate::select::{DepthConvention, View};
 
@@ -35,7 +35,7 @@ fn surveyed() -> Vec<Case> {
             [("in the middle", soup(), origin), ("at a tile's corner", tile, origin + dvec3(812.0, 443.0, 21.0))]
         {
             let cloud = Arc::new(PointCloud { origin, ..cloud });
-            for technique in both() {
+            for technique in blends() {
                 let name = format!("{name} from 2 m, origin {where_from}");
                 cases.push(Case::new(GROUP, name, take(&cloud, toward(at), technique)));
             }
@@ -65,7 +65,7 @@ fn ranges() -> Vec<Case> {
         };
         (projection.z_axis.z, projection.w_axis.z) = (z, w);
         let view = View { view: glam::DMat4::IDENTITY, projection, depth };
-        for technique in both() {
+        for technique in blends() {
             cases.push(Case::new(GROUP, format!("far : near = 1e6, {depth:?}"), take(&cloud, view, technique)));
         }
     }
@@ -91,7 +91,7 @@ fn fields() -> Vec<Case> {
     ];
     let mut cases = Vec::new();
     for (name, view, depth) in views {
-        for technique in both() {
+        for technique in blends() {
             for (what, cloud) in [("soup", &soup), ("sheet", &sheet)] {
                 let case =
                     Case::new(GROUP, format!("{name}, {what}"), take(cloud, view, technique)).depth(depth).covered(300);

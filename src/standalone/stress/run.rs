@@ -13,6 +13,8 @@ use crate::select::{DepthConvention, DrawList};
 use crate::standalone::{Offscreen, Shot};
 use crate::stats::FrameStats;
 use crate::structure::Flat;
+use crate::structure::groups::{Groups, Relax};
+use crate::technique::Blend;
 
 /// How a case ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,7 +51,7 @@ impl Outcome {
 pub fn run(off: &mut Offscreen, case: &Case) -> Result<Outcome> {
     let (picture, stats) = shoot(off, case, &case.take, true)?;
     let (again, _) = shoot(off, case, &case.take, false)?;
-    let expected = reference(case);
+    let expected = reference(case)?;
     let mut outcome = judge(case, &picture, &expected);
     count(&mut outcome, &stats, &expected.counts);
     if bytes(&picture) != bytes(&again) {
@@ -75,9 +77,9 @@ pub fn draw(off: &mut Offscreen, case: &Case) -> Result<Picture> {
 }
 
 /// The reference's picture of a case, with the ties of f32.
-pub fn reference(case: &Case) -> reference::Picture {
+pub fn reference(case: &Case) -> Result<reference::Picture> {
     let (take, [width, height]) = (&case.take, case.size);
-    let flat = Flat::new(&take.cloud);
+    let flat = flat(take)?;
     let scene = reference::Scene {
         instances: &[reference::Instance { flat: &flat, transform: take.transform }],
         list: &DrawList::all([flat.len() as u32]),
@@ -88,7 +90,7 @@ pub fn reference(case: &Case) -> reference::Picture {
         style: &take.style,
         host_depth: None,
     };
-    reference::render(&scene, MARGIN_F32)
+    Ok(reference::render(&scene, MARGIN_F32))
 }
 
 /// Compares a picture with what is expected; counts and twin are left to [`run`].
@@ -115,12 +117,21 @@ pub fn judge(case: &Case, picture: &Picture, expected: &reference::Picture) -> O
 fn shoot(off: &mut Offscreen, case: &Case, take: &Take, count: bool) -> Result<(Picture, FrameStats)> {
     let [width, height] = case.size;
     off.resize(vk::Extent2D { width, height })?;
-    let cloud = off.renderer.add(Arc::new(Flat::new(&take.cloud)))?;
+    let cloud = off.renderer.add(Arc::new(flat(take)?))?;
     let instances = [Instance { cloud, transform: take.transform }];
     let shot = Shot { view: &take.view, instances: &instances, technique: take.technique, style: &take.style, count };
     let drawn = off.draw(&shot).and_then(|(stats, _)| Ok((off.read()?, stats)));
     off.renderer.remove(cloud);
     drawn
+}
+
+/// The points of a take, with groups where its blend needs them.
+fn flat(take: &Take) -> Result<Flat> {
+    let mut flat = Flat::new(&take.cloud);
+    if take.technique.blend == Blend::Groups {
+        flat.groups = Some(Groups::color(&flat, &Relax::default())?);
+    }
+    Ok(flat)
 }
 
 fn bytes(picture: &Picture) -> (Vec<[u32; 4]>, Option<Vec<u32>>) {

@@ -64,8 +64,9 @@ pub fn plain() -> Style {
     Style { shading: Shading::None, back_faces: BackFaces::Draw, ..Style::default() }
 }
 
-pub fn both() -> [Technique; 2] {
-    [Technique::default(), Technique { blend: Blend::Opaque, ..Technique::default() }]
+/// Those that need nothing but points.
+pub fn blends() -> [Technique; 3] {
+    [Blend::TwoPass, Blend::Fuzzy, Blend::Opaque].map(|blend| Technique { blend, ..Technique::TWO_PASS })
 }
 
 /// From (0.3, 0.5, 3) to the origin through a lens of 46°.

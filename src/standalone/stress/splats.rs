@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat4, Vec3};
 
-use super::scenes::{ahead, both, outside, plain, sheet, soup, splats, take};
+use super::scenes::{ahead, blends, outside, plain, sheet, soup, splats, take};
 use super::{Case, Take};
 use crate::load::PointCloud;
 use crate::style::{BackFaces, Style};
@@ -29,7 +29,7 @@ fn radii() -> Vec<Case> {
         ("larger than the viewport", with(&[3.0, 30.0, 300.0])),
     ];
     let mut cases = Vec::new();
-    for technique in both() {
+    for technique in blends() {
         for (name, cloud) in &clouds {
             cases.push(Case::new(GROUP, *name, take(cloud, outside(), technique)));
         }
@@ -48,7 +48,7 @@ fn radii() -> Vec<Case> {
 fn normals() -> Vec<Case> {
     const GROUP: &str = "normals";
     let mut cases = Vec::new();
-    for technique in both() {
+    for technique in blends() {
         let unit = take(&Arc::new(sheet()), outside(), technique);
         // Powers of two: the direction keeps every bit, so nothing may change.
         for (name, length) in [
@@ -133,7 +133,7 @@ fn near_plane() -> Vec<Case> {
         ),
     ];
     let mut cases = Vec::new();
-    for technique in both() {
+    for technique in blends() {
         for (name, list, covered) in &lists {
             let take = take(&Arc::new(splats(list)), ahead(1.0), technique);
             cases.push(Case::new(GROUP, *name, take).covered(*covered));

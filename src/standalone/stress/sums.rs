@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::scenes::{ahead, both, plain, random, random_colors, take};
+use super::scenes::{ahead, blends, plain, random, random_colors, take};
 use super::{Case, TARGET, Take};
 use crate::load::PointCloud;
 use crate::style::{Style, SumPrecision, Tolerance};
@@ -29,7 +29,7 @@ fn heap(n: usize, spread: f32, radius: f32) -> PointCloud {
 fn heaps() -> Vec<Case> {
     const GROUP: &str = "heaps";
     let mut cases = Vec::new();
-    for technique in both() {
+    for technique in blends() {
         // The first of equals wins, so ties are right too.
         let n = 100_000;
         let coincident = Arc::new(heap(n, 0.0, 0.03));
@@ -55,7 +55,7 @@ fn heaps() -> Vec<Case> {
 pub fn heap_on_a_pixel(n: usize, sums: SumPrecision) -> Case {
     let cloud = Arc::new(heap(n, 0.002, 0.002));
     let style = Style { sums, ..plain() };
-    let take = Take { style, ..take(&cloud, ahead(0.01), Technique::default()) };
+    let take = Take { style, ..take(&cloud, ahead(0.01), Technique::TWO_PASS) };
     let (bits, why) = match sums {
         SumPrecision::Single => (24, "f32 sums of n terms: n 2^-24 each, two of them divided"),
         SumPrecision::Half => {
@@ -71,7 +71,7 @@ pub fn heap_on_a_pixel(n: usize, sums: SumPrecision) -> Case {
 fn rims() -> Vec<Case> {
     const GROUP: &str = "rims";
     let mut cases = Vec::new();
-    for technique in both() {
+    for technique in blends() {
         for (name, radius) in [("low-pass alone", 1e-4f32), ("1 px", 0.0229), ("4 px", 0.09)] {
             let mut state = 3;
             let mut place = |i: usize| {
@@ -110,7 +110,7 @@ fn tolerances() -> Vec<Case> {
         .into_iter()
         .map(|times| {
             let style = Style { tolerance: Tolerance { absolute: times * between, relative: 0.0 }, ..plain() };
-            let take = Take { style, ..take(&cloud, ahead(0.01), Technique::default()) };
+            let take = Take { style, ..take(&cloud, ahead(0.01), Technique::TWO_PASS) };
             let case = Case::new(GROUP, format!("{times:e} of the distance of two surfaces"), take);
             match times {
                 // Splats of one sheet hide each other: f32 decides, at 3 units to 2·10⁻⁷, among equal depths.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::scenes::{ahead, both, outside, random, random_colors, soup, take};
+use super::scenes::{ahead, blends, outside, random, random_colors, soup, take};
 use super::{Case, Take};
 use crate::load::PointCloud;
 use crate::select::View;
@@ -14,7 +14,7 @@ const GROUP: &str = "viewports";
 pub fn cases() -> Vec<Case> {
     let cloud = Arc::new(soup());
     let mut cases = Vec::new();
-    for technique in both() {
+    for technique in blends() {
         for (width, height) in [(1, 1), (3, 2), (1, 97), (159, 113), (33, 255), (16_384, 1), (1, 16_384)] {
             let mut view = outside();
             // Square pixels; wide pictures see as much across as the others.
