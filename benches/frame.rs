@@ -1,4 +1,4 @@
-//! Frames of both blends on three sizes, beside the bare rate of the device for the same points and pixel size.
+//! Frames of every blend on three sizes, beside the bare rate of the device for the same points and pixel size.
 //!
 //! What is timed: the device's own time of the splat passes, from its timestamps; `composite`, uploads and the count are
 //! left out, and two frames warm up before. The bare rate draws the same points as squares of the mean footprint's size,
@@ -19,6 +19,7 @@ use surfel::measure::Summary;
 use surfel::select::{DepthConvention, View};
 use surfel::standalone::{Offscreen, Options, Shot, Standalone, bare};
 use surfel::structure::Flat;
+use surfel::structure::groups::{Groups, Relax};
 use surfel::style::{Shading, Style};
 use surfel::technique::Technique;
 use surfel::{CloudId, Instance};
@@ -41,7 +42,10 @@ impl Setup {
         let mut off = Offscreen::new(standalone, extent, false).expect("a target");
         let cloud = synthetic::scene("sphere", points, 1).expect("a scene of this name");
         let bounds = Bounds::of(&cloud).expect("points");
-        let flat = Arc::new(Flat::new(&cloud));
+        let mut flat = Flat::new(&cloud);
+        // The paper's smallest factor: as few layers as it has.
+        flat.groups = Some(Groups::color(&flat, &Relax { factor: 0.4, ..Relax::default() }).expect("groups"));
+        let flat = Arc::new(flat);
         let id = off.renderer.add(Arc::clone(&flat)).expect("a cloud");
         let radius = 0.5 * (bounds.max.x - bounds.min.x);
         let center = 0.5 * (bounds.max + bounds.min);
@@ -80,13 +84,54 @@ impl Setup {
     }
 }
 
-const CASES: [(&str, &str, Shading); 5] = [
+const CASES: [(&str, &str, Shading); 9] = [
     ("two-pass", "flat.two-pass.point", Shading::None),
     ("two-pass lit", "flat.two-pass.point", Shading::HEADLIGHT),
     ("two-pass quad", "flat.two-pass.quad", Shading::None),
+    ("fuzzy", "flat.fuzzy.point", Shading::None),
+    ("fuzzy lit", "flat.fuzzy.point", Shading::HEADLIGHT),
+    ("groups", "flat.groups.point", Shading::None),
+    ("groups lit", "flat.groups.point", Shading::HEADLIGHT),
     ("opaque", "flat.opaque.point", Shading::None),
     ("opaque lit", "flat.opaque.point", Shading::HEADLIGHT),
 ];
+
+/// What folding costs by the number of layers: the same points in more and more groups.
+fn fold(setup: &mut Setup, rounds: usize) -> String {
+    let mut text = String::new();
+    let technique = Technique::named("flat.groups.point").expect("a preset");
+    let style = style(Shading::HEADLIGHT);
+    for layers in [2u32, 4, 8, 16, 32] {
+        let mut flat = Flat::clone(&setup.flat);
+        let of = (0..flat.len() as u32).map(|i| (i % layers) as u8).collect();
+        flat.groups = Some(Groups { of, count: layers, overlapping: true, ..Groups::default() });
+        let cloud = setup.off.renderer.add(Arc::new(flat)).expect("a cloud");
+        let instances = [Instance { cloud, transform: DMat4::IDENTITY }];
+        let shot = Shot { view: &setup.view, instances: &instances, technique, style: &style, count: false };
+        let (mut drawn, mut folded) = (Vec::new(), Vec::new());
+        for round in 0..rounds + 1 {
+            let (stats, _) = setup.off.draw(&shot).expect("a frame");
+            assert_eq!(stats.layers, layers);
+            let ms = |name: &str| stats.passes.iter().filter(|p| p.name == name).map(|p| p.gpu_ms).sum::<f64>();
+            if round > 0 {
+                drawn.push(ms("groups"));
+                folded.push(ms("fold"));
+            }
+        }
+        setup.off.renderer.remove(cloud);
+        if let (Some(drawn), Some(folded)) = (Summary::of(&drawn), Summary::of(&folded)) {
+            text += &format!(
+                "  {layers:>2} layers lit: groups {:.1} ms, fold {:.1} ms ({:.1} to {:.1}), {:.2} ms a layer\n",
+                drawn.median,
+                folded.median,
+                folded.lower,
+                folded.upper,
+                folded.median / layers as f64
+            );
+        }
+    }
+    text
+}
 
 fn style(shading: Shading) -> Style {
     Style { shading, ..Style::default() }
@@ -156,6 +201,21 @@ fn main() {
                 );
             }
         }
+        // Two-pass against the others, round by round: what one pass saves.
+        for blend in ["fuzzy", "groups"] {
+            for lit in ["", " lit"] {
+                let of = |name: String| CASES.iter().position(|(n, ..)| *n == name).expect("a case");
+                let (two, one) = (of(format!("two-pass{lit}")), of(format!("{blend}{lit}")));
+                let speedup: Vec<f64> = times[two].iter().zip(&times[one]).map(|(a, b)| a / b).collect();
+                if let Some(s) = Summary::of(&speedup) {
+                    table += &format!(
+                        "  {blend}{lit}: {:.2} times as fast as two-pass{lit} ({:.2} to {:.2})\n",
+                        s.median, s.lower, s.upper
+                    );
+                }
+            }
+        }
+        table += &fold(&mut setup, rounds);
         setup.off.destroy();
     }
     criterion.final_summary();

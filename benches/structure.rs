@@ -1,7 +1,8 @@
 //! Throughput of what happens to a cloud before it is drawn, on all of rayon's threads (`RAYON_NUM_THREADS`).
 //!
 //! `attributes`: normals, orientation and radii of a noisy surface whose density falls 100 : 1, as scans' does; the
-//! copy of the positions is not timed. `neighbours`: its search alone. `mesh`: the same from faces.
+//! copy of the positions is not timed. `neighbours`: its search alone. `mesh`: the same from faces. `groups`: overlap graph
+//! and colouring for several c.
 
 use std::hint::black_box;
 
@@ -9,7 +10,9 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use glam::Vec3;
 use surfel::load::attributes::neighbours::Tree;
 use surfel::load::attributes::{Options, complete};
-use surfel::load::{Mesh, PointCloud};
+use surfel::load::{Mesh, PointCloud, synthetic};
+use surfel::structure::groups::{Groups, Relax};
+use surfel::structure::{Arrangement, Flat};
 
 /// z = 5 sin(x/10) cos(7y/100) over 100 × 100, with noise of ± 0.025; x = 100 a³ for a uniform in [0, 1).
 fn surface(n: usize) -> PointCloud {
@@ -88,5 +91,30 @@ fn neighbours(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, attributes, neighbours);
+/// Groups of a torus, whose radii are alike, and of the surface, whose radii differ by 100: overlap graph and colouring.
+fn groups(c: &mut Criterion) {
+    let mut scan = surface(1_000_000);
+    complete(&mut scan, &Options::default());
+    let torus = synthetic::scene("torus", 1_000_000, 1).expect("a torus");
+    let mut group = c.benchmark_group("groups");
+    group.sample_size(10);
+    for (name, cloud) in [("torus 1M", &torus), ("surface 1M", &scan)] {
+        let flat = Flat::new(cloud).arranged(Arrangement::Morton, |_| 0.0);
+        for factor in [1.0, 0.8, 0.6, 0.4] {
+            let relax = Relax { factor, ..Relax::default() };
+            let made = Groups::color(&flat, &relax).expect("groups");
+            println!(
+                "{name}, c = {factor}: K / largest / mean degree {} / {} / {:.1}, {} conflicts",
+                made.count, made.max_degree, made.mean_degree, made.conflicts
+            );
+            assert!(made.count > 1 && made.truncated == 0);
+            group.throughput(Throughput::Elements(flat.len() as u64));
+            let color = || Groups::color(&flat, &relax).expect("groups");
+            group.bench_function(format!("{name}, c = {factor}"), |b| b.iter(|| black_box(color())));
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, attributes, neighbours, groups);
 criterion_main!(benches);

@@ -13,7 +13,7 @@ use crate::draw::large::{may_hold_large, whole_in_front};
 use crate::draw::layers::{LayerPlan, Layers};
 use crate::draw::params::{Camera, frame_params, scale};
 use crate::draw::plan::{CloudTraits, FramePlan, Surroundings};
-use crate::draw::slot::{PARAMS_STRIDE, Slot};
+use crate::draw::slot::{PARAMS_STRIDE, Read, Slot};
 use crate::draw::splats::{Bindings, Draw, quad_indices};
 use crate::draw::targets::{TargetPlan, Targets};
 use crate::draw::variant::{Large, Pipelines, Role, Variant, shaders};
@@ -229,22 +229,26 @@ impl Renderer {
             let slabs = match plan.voronoi {
                 Voronoi::Slabs => {
                     let drawn = input.instances.iter().map(|i| (&*self.cloud(i).flat, i.transform));
-                    Slabs::new(view, input.style, drawn)
+                    Some(Slabs::new(view, input.style, drawn))
                 }
-                Voronoi::Cones | Voronoi::Off => Slabs { near: 0.0, thickness: 1.0, count: 1 },
+                Voronoi::Cones | Voronoi::Off => None,
             };
             let pairs = camera.needs_pairs(input.extent);
             for (i, (instance, cloud_traits)) in input.instances.iter().zip(&traits).enumerate() {
                 let flat = &self.cloud(instance).flat;
-                let block = camera.draw_params(
+                let mut block = camera.draw_params(
                     input.extent,
                     &instance.transform,
                     flat,
                     input.style,
                     plan.disc,
                     sprite_limit.min(3e38) as f32,
-                    &slabs,
                 );
+                if let Some(slabs) = slabs {
+                    block.slab_near = slabs.near as f32;
+                    block.slab_thickness = slabs.thickness as f32;
+                    block.slab_count = slabs.count as f32;
+                }
                 let (matrix, _) = camera.eye_from_cloud(&instance.transform, flat.origin);
                 let radius_scale = input.style.radius_scale as f64 * scale(&instance.transform);
                 let mut cloud_traits = *cloud_traits;
@@ -302,7 +306,8 @@ impl Renderer {
         let Some(targets) = &self.targets else { unreachable!("made above") };
         let frame = frame_params(&cameras, input.extent, input.offset, input.style);
         let layers = self.layers.as_ref().filter(|_| plan.layers > 0);
-        slot_ref.write(&self.context, &params, &frame, targets, layers, input.host_depth, self.composite.sampler);
+        let read = Read { targets, layers, host_depth: input.host_depth, sampler: self.composite.sampler };
+        slot_ref.write(&self.context, &params, &frame, &read);
         slot_ref.counted = input.count;
 
         let list = DrawList::all(input.instances.iter().map(|i| self.cloud(i).resident() as u32));

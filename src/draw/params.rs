@@ -5,7 +5,7 @@ use glam::{DMat4, DVec3, DVec4, dvec2, dvec3, dvec4};
 
 use super::split::split;
 use crate::gpu::layout::{DrawParams, FrameParams, MAX_VIEWS, ViewParams};
-use crate::select::{Slabs, View};
+use crate::select::View;
 use crate::structure::Flat;
 use crate::style::{EyeDome, Footprint, Shading, Style};
 
@@ -132,7 +132,6 @@ impl Camera {
         style: &Style,
         disc: bool,
         sprite_limit: f32,
-        slabs: &Slabs,
     ) -> DrawParams {
         let (mut eye_from_cloud, scale) = self.eye_from_cloud(transform, flat.origin);
         let bounds = flat.bounds();
@@ -171,9 +170,9 @@ impl Camera {
                 Footprint::Pixels(size) => size,
                 Footprint::Splat => 0.0,
             },
-            slab_near: slabs.near as f32,
-            slab_thickness: slabs.thickness as f32,
-            slab_count: slabs.count as f32,
+            slab_near: 0.0,
+            slab_thickness: 1.0,
+            slab_count: 1.0,
             padding: [0; 40],
         }
     }

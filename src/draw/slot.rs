@@ -39,6 +39,18 @@ pub struct Slot {
     pool: vk::DescriptorPool,
 }
 
+/// What the full-screen passes of a frame read.
+pub struct Read<'a> {
+    /// Sums, front, depth.
+    pub targets: &'a Targets,
+    /// Where they are folded.
+    pub layers: Option<&'a Layers>,
+    /// The host's depth, if it has any.
+    pub host_depth: Option<HostDepth>,
+    /// Nearest.
+    pub sampler: vk::Sampler,
+}
+
 /// Bytes from one cloud's parameters to the next; the size of the block is 512, which every device's alignment divides.
 pub const PARAMS_STRIDE: u64 = size_of::<DrawParams>() as u64;
 
@@ -115,10 +127,7 @@ impl Slot {
         context: &Context,
         params: &[DrawParams],
         frame: &FrameParams,
-        targets: &Targets,
-        layers: Option<&Layers>,
-        host_depth: Option<HostDepth>,
-        sampler: vk::Sampler,
+        &Read { targets, layers, host_depth, sampler }: &Read,
     ) {
         let bytes: &[u8] = bytemuck::cast_slice(params);
         self.params.bytes()[..bytes.len()].copy_from_slice(bytes);

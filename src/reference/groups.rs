@@ -54,12 +54,13 @@ impl Key {
 
     /// Where rounding may have that.
     fn range(&self, entry: &Entry, fragment: &Fragment, margin: f64) -> Range {
-        let height = entry.look.epsilon.min(entry.splat.r);
+        let (epsilon, r) = (entry.look.epsilon, entry.splat.r);
+        let (height, d_height) = if epsilon < r { (epsilon, entry.look.d_epsilon) } else { (r, margin * r) };
         let &Fragment { z, dz, du, .. } = fragment;
         let u = fragment.u2.sqrt();
         match self {
             Key::Depth => Range::about(z, dz),
-            Key::Cones => Range::about(z + height * u, dz + height * du + entry.look.d_epsilon * (u + du)),
+            Key::Cones => Range::about(z + height * u, dz + height * du + d_height * (u + du)),
             Key::Slabs(slabs) => {
                 // The place in the range may be in the slab before or behind. The key itself is from 0 to 1 whatever
                 // the number of slabs, a few roundings of 2⁻²⁴ off: in u that is so many times as much.

@@ -141,6 +141,12 @@ struct Drawn {
     instances: Vec<Instance>,
 }
 
+/// The clouds with groups of one c, or without.
+struct Grouped {
+    factor: Option<f32>,
+    flats: Vec<Arc<Flat>>,
+}
+
 struct Bench<'a> {
     args: &'a SweepArgs,
     out: &'a Path,
@@ -194,10 +200,10 @@ impl Bench<'_> {
     }
 
     /// The clouds with the groups of every c that is asked for, and without.
-    fn group(&self, flats: Vec<Arc<Flat>>, plan: &[Combination]) -> Result<Vec<(Option<f32>, Vec<Arc<Flat>>)>> {
-        let mut grouped = vec![(None, flats.clone())];
+    fn group(&self, flats: Vec<Arc<Flat>>, plan: &[Combination]) -> Result<Vec<Grouped>> {
+        let mut grouped = vec![Grouped { factor: None, flats: flats.clone() }];
         for factor in plan.iter().filter_map(|c| c.factor) {
-            if grouped.iter().any(|(known, _)| *known == Some(factor)) {
+            if grouped.iter().any(|g| g.factor == Some(factor)) {
                 continue;
             }
             let _step = self.progress.step(format!("groups with c = {factor}"), 1);
@@ -205,19 +211,19 @@ impl Bench<'_> {
             let group = |flat: &Arc<Flat>| {
                 Ok(Arc::new(Flat { groups: Some(Groups::color(flat, &relax)?), ..Flat::clone(flat) }))
             };
-            grouped.push((Some(factor), flats.iter().map(group).collect::<Result<_>>()?));
+            grouped.push(Grouped { factor: Some(factor), flats: flats.iter().map(group).collect::<Result<_>>()? });
         }
         Ok(grouped)
     }
 
     /// Gives the device the clouds in every form that these ways need.
-    fn add(&mut self, grouped: &[(Option<f32>, Vec<Arc<Flat>>)], ways: &[Way], view: &View) -> Result<Vec<Drawn>> {
+    fn add(&mut self, grouped: &[Grouped], ways: &[Way], view: &View) -> Result<Vec<Drawn>> {
         let mut all: Vec<Drawn> = Vec::new();
         for form in ways.iter().map(|way| way.form) {
             if all.iter().any(|drawn| drawn.form == form) {
                 continue;
             }
-            let (_, flats) = grouped.iter().find(|(factor, _)| *factor == form.factor).context("groups of every c")?;
+            let flats = &grouped.iter().find(|g| g.factor == form.factor).context("groups of every c")?.flats;
             let arrange = |flat: &Arc<Flat>| match form.storage {
                 Arrangement::AsRead => Arc::clone(flat),
                 how => Arc::new(structure::arrange(Flat::clone(flat), how, view, self.progress)),
@@ -249,7 +255,7 @@ impl Bench<'_> {
         &mut self,
         size: [u32; 2],
         subject: &mut Subject,
-        grouped: &[(Option<f32>, Vec<Arc<Flat>>)],
+        grouped: &[Grouped],
         pending: &[&Combination],
     ) -> Result<()> {
         self.off.resize(vk::Extent2D { width: size[0], height: size[1] })?;

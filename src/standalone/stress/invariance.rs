@@ -75,7 +75,6 @@ fn permuted() -> Vec<Case> {
     blends()
         .into_iter()
         .filter(|t| t.blend != Blend::Fuzzy)
-        .into_iter()
         .flat_map(|technique| {
             [("soup", soup()), ("sheet", sheet())].map(|(name, cloud)| {
                 let turn = |v: &[Vec3]| v.iter().rev().copied().collect::<Vec<_>>();

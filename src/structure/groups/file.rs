@@ -15,10 +15,10 @@ const HEADER: usize = 72;
 
 /// FNV-1a, 64 bits: any altered byte alters it, since every step is reversible.
 #[derive(Clone, Copy)]
-struct Hash(u64);
+struct Fnv(u64);
 
-impl Hash {
-    const NEW: Hash = Hash(0xcbf2_9ce4_8422_2325);
+impl Fnv {
+    const NEW: Fnv = Fnv(0xcbf2_9ce4_8422_2325);
 
     fn add(&mut self, bytes: &[u8]) {
         for &b in bytes {
@@ -29,7 +29,7 @@ impl Hash {
 
 /// Changes with all that a colouring depends on.
 fn fingerprint(flat: &Flat) -> u64 {
-    let mut hash = Hash::NEW;
+    let mut hash = Fnv::NEW;
     hash.add(bytemuck::cast_slice(&flat.geometry));
     for stream in [&flat.normals, &flat.colors] {
         hash.add(&[stream.is_some() as u8]);
@@ -57,7 +57,7 @@ impl Groups {
     /// Writes them. `flat` and `relax` are what they were made of.
     pub fn write(&self, to: &mut impl Write, flat: &Flat, relax: &Relax) -> std::io::Result<()> {
         let header = self.header(flat, relax);
-        let mut hash = Hash::NEW;
+        let mut hash = Fnv::NEW;
         hash.add(&header);
         hash.add(&self.of);
         to.write_all(&header)?;
@@ -71,7 +71,7 @@ impl Groups {
     ///
     /// Nothing is allocated for more points than `flat` has.
     pub fn read(from: &mut impl Read, name: &Path, flat: &Flat, relax: &Relax) -> Result<Option<Groups>> {
-        let mut input = Input { from, name, at: 0, hash: Hash::NEW };
+        let mut input = Input { from, name, at: 0, hash: Fnv::NEW };
         let mut header = [0; HEADER];
         input.fill(&mut header)?;
         let word = |i: usize| u32::from_le_bytes(std::array::from_fn(|k| header[8 + 4 * i + k]));
@@ -151,7 +151,7 @@ struct Input<'a, R> {
     from: &'a mut R,
     name: &'a Path,
     at: u64,
-    hash: Hash,
+    hash: Fnv,
 }
 
 impl<R: Read> Input<'_, R> {

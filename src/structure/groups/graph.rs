@@ -162,10 +162,8 @@ impl Splats {
                     *hint = seek(keys, *hint, class.first, key([x - 1, y, z]));
                     let last = key([x + 1, y, z]);
                     // Pairs of one class are looked at from the first of the two.
-                    for b in (*hint).max(a + 1)..class.end {
-                        if keys[b] > last {
-                            break;
-                        }
+                    let from = (*hint).max(a + 1).min(class.end);
+                    for (b, _) in (from..).zip(&keys[from..]).take_while(|(_, key)| **key <= last) {
                         looked += 1;
                         if looked > MOST_CANDIDATES {
                             truncated += 1;
