@@ -113,6 +113,11 @@ fn every_option_is_taken() {
         "--eye 0,0,5 --target 0,0,0",
         "--orbit -30,90,3 --up -x",
         "--quiet",
+        "--blend two-pass",
+        "--front first --storage back-to-front",
+        "--storage morton --sums half",
+        "--blend groups --group-factor 0.8 --group-limit 12",
+        "--blend groups --voronoi slabs --storage random",
     ] {
         let more: Vec<&str> = more.split_whitespace().chain(["--background", "00000000"]).collect();
         let picture = rendered(&["scene:torus:3k"], &out, &more);
@@ -122,6 +127,74 @@ fn every_option_is_taken() {
     assert_ne!(pictures[0], pictures[3], "light is seen");
     assert_ne!(pictures[0], pictures[7], "heights are seen");
     assert_eq!(pictures[0], pictures[19], "quiet changes nothing");
+}
+
+#[test]
+fn groups_are_made_once() {
+    let folder = Folder::new("render-groups");
+    let (out, json, kept) = (folder.path("a.png"), folder.path("a.json"), folder.path("a.groups"));
+    let with = |more: &[&str]| {
+        let more = [&["--blend", "groups", "--groups", &kept, "--stats", &json], more].concat();
+        render(&["scene:torus:3k"], &out, &more)
+    };
+    let said = |output: Output| {
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let v = stats(&json);
+        assert!(count(&v["layers"]) > 1 && count(&v["layer_bytes"]) == 160 * 120 * 44 * count(&v["layers"]), "{v:#}");
+        let lines = v["assumed"].as_array().unwrap().iter().map(|l| l.as_str().unwrap().to_owned());
+        lines.filter(|l| l.starts_with("groups: ")).collect::<Vec<_>>()
+    };
+    let made = said(with(&[]));
+    let read = said(with(&[]));
+    assert!(made.len() == 1 && made[0].ends_with("made") && read[0].ends_with("read"), "{made:?} {read:?}");
+    // Of other options: a line that names the file, which stays as it is.
+    let before = fs::read(&kept).unwrap();
+    let other = with(&["--group-factor", "0.5"]);
+    assert!(
+        other.status.code() == Some(1) && stderr(&other).contains("a.groups: holds the groups of"),
+        "{}",
+        stderr(&other)
+    );
+    assert_eq!(fs::read(&kept).unwrap(), before);
+    fs::write(&kept, &before[..before.len() / 2]).unwrap();
+    let cut = with(&[]);
+    assert!(cut.status.code() == Some(1) && stderr(&cut).contains("a.groups at byte"), "{}", stderr(&cut));
+}
+
+#[test]
+fn what_makes_no_sense_for_a_blend_is_refused() {
+    let folder = Folder::new("render-blends");
+    let out = folder.path("a.png");
+    for (more, code) in [
+        ("--blend groups --group-factor 1.5", 2),
+        ("--blend groups --group-factor nan", 2),
+        ("--blend groups --group-limit 0", 2),
+        ("--groups a.groups", 2),
+        ("--tolerance 0", 2),
+        ("--tolerance nan", 2),
+        ("--blend fuzzy --radius px:3", 2),
+        ("--without warpDrive", 1),
+    ] {
+        let output = render(&["scene:torus:3k"], &out, &more.split(' ').collect::<Vec<_>>());
+        assert_eq!(output.status.code(), Some(code), "{more}: {}", stderr(&output));
+        assert!(!Path::new(&out).exists(), "{more}: a picture was written");
+    }
+}
+
+#[test]
+fn what_a_device_cannot_is_said() {
+    let folder = Folder::new("render-without");
+    let (out, json) = (folder.path("a.png"), folder.path("a.json"));
+    let names = "rasterizationOrderColorAttachmentAccess,shaderOutputLayer";
+    let mut pictures = Vec::new();
+    for blend in ["two-pass", "fuzzy", "groups"] {
+        let more = ["--blend", blend, "--without", names, "--stats", &json];
+        pictures.push(rendered(&["scene:torus:3k"], &out, &more));
+        let v = stats(&json);
+        assert_eq!((&v["blend"], &v["blend_drawn"]), (&blend.into(), &"two-pass".into()));
+        assert!(v["ordered_access"].is_null() && v["layers"] == 0);
+    }
+    assert!(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
 }
 
 #[test]
