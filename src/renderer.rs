@@ -366,7 +366,8 @@ impl Renderer {
         let mut recorder = Recorder::new(&self.context, cmd, slot.timestamps.as_mut());
         for (layer, draws) in current.views.iter().enumerate() {
             let (context, composite, set) = (&self.context, &self.composite, slot.frame_set);
-            let folded = self.layers.as_ref().map(|l| (l.set, current.plan.layers));
+            let layers = self.layers.as_ref().filter(|_| current.plan.layers > 0);
+            let folded = layers.map(|l| (l.set, current.plan.layers));
             let seed = current
                 .before
                 .map(|before| move |cmd| composite.draw_before(context, cmd, before, set, layer as u32, folded));

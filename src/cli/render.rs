@@ -89,6 +89,13 @@ fn picture(
     let mut instances = Vec::new();
     let (flats, said) = structure::build(scene.pack(), &args.picture.structure, technique.blend, &view, &progress)?;
     assumed.extend(said);
+    let layers = flats.iter().filter_map(|f| f.groups.as_ref()).map(|g| g.count).max().unwrap_or(0);
+    if device.kind == "cpu" && layers > 0 {
+        // Colour, front, normal, depth.
+        let [width, height] = args.picture.view.size;
+        let bytes = (width as u64 * height as u64).saturating_mul(layers as u64 * (16 + 8 + 16 + 4));
+        memory::ensure(&format!("{layers} groups of a picture of {width}x{height}"), bytes)?;
+    }
     for flat in flats {
         let cloud: CloudId = offscreen.renderer.add(Arc::new(flat))?;
         instances.push(Instance { cloud, transform: DMat4::IDENTITY });
