@@ -137,6 +137,17 @@ impl Default for EyeDome {
     }
 }
 
+/// Which entries of a sequential point tree's list are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Interval {
+    /// Those that pass while their parent, seen from its own place, does not: no holes, and nothing twice.
+    #[default]
+    Exact,
+    /// As published (Dachsbacher, Vogelgsang, Stamminger 2003, section 3.6): the parent's distance is the entry's, give or
+    /// take the way between the two. No holes, but some entries are drawn along with their ancestors.
+    Published,
+}
+
 /// Everything about the look of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Style {
@@ -164,6 +175,11 @@ pub struct Style {
     pub front: Front,
     /// What decides within a group of `groups`.
     pub voronoi: Voronoi,
+    /// Level of detail \[px\]: how large the error, or the spacing, of what stands for finer points may be in the picture's
+    /// middle. More than 0; structures without levels ignore it.
+    pub threshold: f32,
+    /// Which entries of a sequential point tree are drawn.
+    pub interval: Interval,
 }
 
 impl Default for Style {
@@ -181,6 +197,8 @@ impl Default for Style {
             sums: SumPrecision::Single,
             front: Front::Nearest,
             voronoi: Voronoi::Cones,
+            threshold: 1.0,
+            interval: Interval::Exact,
         }
     }
 }
@@ -189,3 +207,4 @@ names!(Ellipse { Exact = "exact", Approximate = "approximate" });
 names!(SumPrecision { Single = "single", Half = "half" });
 names!(Front { Nearest = "nearest", First = "first" });
 names!(Voronoi { Cones = "cones", Slabs = "slabs", Off = "off" });
+names!(Interval { Exact = "exact", Published = "published" });

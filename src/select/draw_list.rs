@@ -1,7 +1,7 @@
 //! What a frame submits, in exact submission order: the contract between selection, the GPU and the reference.
 
 /// A run of consecutive points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
     /// Which cloud of the frame, as an index into its instances.
     pub instance: u32,
@@ -9,10 +9,12 @@ pub struct Span {
     pub first: u32,
     /// Number of points.
     pub count: u32,
+    /// Least radius of its points \[cloud units\], for points that stand for a cell of a structure; 0: each has its own.
+    pub least: f32,
 }
 
 /// Spans in submission order, each in stored order.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct DrawList {
     /// The runs.
     pub spans: Vec<Span>,
@@ -25,9 +27,26 @@ impl DrawList {
             .into_iter()
             .enumerate()
             .filter(|(_, count)| *count > 0)
-            .map(|(instance, count)| Span { instance: instance as u32, first: 0, count })
+            .map(|(instance, count)| Span { instance: instance as u32, first: 0, count, least: 0.0 })
             .collect();
         DrawList { spans }
+    }
+
+    /// Adds a span; one that goes on where the last one ends, by the same rule, becomes part of it.
+    pub fn push(&mut self, span: Span) {
+        if span.count == 0 {
+            return;
+        }
+        match self.spans.last_mut() {
+            Some(last)
+                if last.instance == span.instance
+                    && last.first + last.count == span.first
+                    && last.least.to_bits() == span.least.to_bits() =>
+            {
+                last.count += span.count;
+            }
+            _ => self.spans.push(span),
+        }
     }
 
     /// Number of points submitted.

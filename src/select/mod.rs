@@ -2,9 +2,11 @@
 #![forbid(unsafe_code)]
 
 pub mod draw_list;
+pub mod sight;
 pub mod slabs;
 pub mod view;
 
 pub use draw_list::{DrawList, Span};
+pub use sight::Sight;
 pub use slabs::Slabs;
 pub use view::{DepthConvention, View};

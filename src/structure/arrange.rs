@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::Flat;
+use super::morton::Cube;
 use crate::rng::Rng;
 use crate::technique::names;
 
@@ -49,9 +50,10 @@ impl Flat {
         };
         let mut random = Rng::new(1);
         let [low, high] = self.bounds().map(|p| p.as_vec3());
+        let cube = Cube::round(low, high);
         let keys = self.geometry.iter().map(|&g| match how {
             Arrangement::AsRead => 0,
-            Arrangement::Morton => morton(Vec3::new(g[0], g[1], g[2]), low, high),
+            Arrangement::Morton => cube.code(Vec3::new(g[0], g[1], g[2])),
             Arrangement::Random => random.bits(),
             Arrangement::FrontToBack => sortable(depth(world(g))),
             Arrangement::BackToFront => !sortable(depth(world(g))),
@@ -72,27 +74,4 @@ impl Flat {
             groups: self.groups.as_ref().map(|g| super::Groups { of: pick(&order, &g.of), ..g.clone() }),
         }
     }
-}
-
-/// Place on the Morton curve: 21 bits of every axis' place in the longest side of the bounds, interleaved. What is outside,
-/// or no number, goes to the nearest end.
-fn morton(p: Vec3, low: Vec3, high: Vec3) -> u64 {
-    let side = (high - low).max_element().max(f32::MIN_POSITIVE) as f64;
-    let place =
-        |v: f32, low: f32| ((v as f64 - low as f64) / side * (1 << 21) as f64).clamp(0.0, ((1 << 21) - 1) as f64);
-    // Two zero bits between each two (the usual shifts and masks, from 21 bits to 63).
-    let spread = |v: f64| {
-        let mut x = v as u64;
-        for (shift, mask) in [
-            (32, 0x001f_0000_0000_ffff),
-            (16, 0x001f_0000_ff00_00ff),
-            (8, 0x100f_00f0_0f00_f00f),
-            (4, 0x10c3_0c30_c30c_30c3),
-            (2, 0x1249_2492_4924_9249),
-        ] {
-            x = (x | x << shift) & mask;
-        }
-        x
-    };
-    spread(place(p.x, low.x)) | spread(place(p.y, low.y)) << 1 | spread(place(p.z, low.z)) << 2
 }

@@ -4,8 +4,11 @@
 pub mod arrange;
 pub mod flat;
 pub mod groups;
+mod morton;
+pub mod nodes;
 pub mod octahedral;
 
 pub use arrange::Arrangement;
 pub use flat::Flat;
 pub use groups::Groups;
+pub use nodes::{Node, Nodes};

@@ -220,7 +220,7 @@ pub fn every_scene(n: usize, seed: u64, f: impl Fn(&Scene, &str)) {
         * DMat4::from_translation(-target);
     let instances =
         [Instance { flat: &clouds[0], transform: DMat4::IDENTITY }, Instance { flat: &clouds[1], transform: turn }];
-    let span = |instance, first, count| Span { instance, first, count };
+    let span = |instance, first, count| Span { instance, first, count, least: 0.0 };
     let (n, half) = (n as u32, n as u32 / 2);
     let list = DrawList { spans: vec![span(1, half, n - half), span(0, 3, n - 3), span(1, 0, half), span(0, 0, 2)] };
     for (v, view) in views().iter().enumerate() {
