@@ -319,4 +319,7 @@ pub struct FrameInput<'a> {
     pub host_depth: Option<HostDepth>,
     /// Count what is drawn and culled: one compute pass more.
     pub count: bool,
+    /// Copy the numbers that compaction lists ([`Selection::Compute`](crate::technique::Selection::Compute)) back to the
+    /// processor, for [`FrameStats::lists`](crate::FrameStats::lists): to look into a frame, not for every one.
+    pub keep_lists: bool,
 }

@@ -3,7 +3,6 @@
 //! It records into the host's command buffers and never submits, waits, presents or makes a device.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use ash::vk;
 
@@ -11,16 +10,17 @@ use crate::composite::{Before, Composite, resolve};
 use crate::draw::cloud::DeviceCloud;
 use crate::draw::large::{may_hold_large, whole_in_front};
 use crate::draw::layers::{LayerPlan, Layers};
+use crate::draw::list::Listing;
 use crate::draw::params::{Camera, frame_params, scale};
 use crate::draw::plan::{CloudTraits, FramePlan, Surroundings};
 use crate::draw::slot::{PARAMS_STRIDE, Read, Slot};
-use crate::draw::splats::{Bindings, Draw, quad_indices};
+use crate::draw::splats::{Bindings, Draw, RUN_STAGES, quad_indices, runs};
 use crate::draw::targets::{TargetPlan, Targets};
-use crate::draw::variant::{Large, Pipelines, Role, Variant, shaders};
-use crate::draw::{count, fuzzy, groups, opaque, two_pass};
+use crate::draw::variant::{Large, Pipelines, Role, Step, Variant, shaders};
+use crate::draw::{count, fuzzy, groups, list, opaque, two_pass};
 use crate::error::{Error, Result};
 use crate::gpu::barrier::Access;
-use crate::gpu::layout::CountPush;
+use crate::gpu::layout::RunPush;
 use crate::gpu::memory::Location;
 use crate::gpu::pass::{Recorder, Use};
 use crate::gpu::program::Program;
@@ -29,11 +29,12 @@ use crate::gpu::retire::{RetireQueue, Retired};
 use crate::gpu::upload::Upload;
 use crate::gpu::{Context, Interlock};
 use crate::host::{CloudId, FrameInput, Host, Instance, Requirements, TargetFormats};
-use crate::select::{DrawList, Slabs};
+use crate::select::{DrawList, Sight, Slabs, cut};
 use crate::stats::{FrameStats, OrderedAccess, PassTime, Skip};
-use crate::structure::Flat;
+use crate::structure::Cloud;
+use crate::structure::flat::Block;
 use crate::style::Voronoi;
-use crate::technique::Blend;
+use crate::technique::{Blend, Selection};
 
 /// Draws clouds into frames that a host records.
 pub struct Renderer {
@@ -104,11 +105,7 @@ impl Renderer {
             host.pipeline_cache,
             host.memory,
         );
-        let push = vk::PushConstantRange {
-            stage_flags: vk::ShaderStageFlags::COMPUTE,
-            offset: 0,
-            size: size_of::<CountPush>() as u32,
-        };
+        let push = vk::PushConstantRange { stage_flags: RUN_STAGES, offset: 0, size: size_of::<RunPush>() as u32 };
         let splats = Program::new(&context, "splats", &shaders(&context.enabled), true, Some(push))?;
         let composite = match Composite::new(&context, formats) {
             Ok(composite) => composite,
@@ -139,9 +136,9 @@ impl Renderer {
     }
 
     /// Takes a cloud in; it is uploaded by the next `prepare` calls, and drawn as far as it is there.
-    pub fn add(&mut self, flat: Arc<Flat>) -> Result<CloudId> {
+    pub fn add(&mut self, cloud: impl Into<Cloud>) -> Result<CloudId> {
         let id = CloudId(self.next_cloud);
-        self.clouds.insert(id, DeviceCloud::new(&self.context, flat)?);
+        self.clouds.insert(id, DeviceCloud::new(&self.context, cloud.into())?);
         self.next_cloud += 1;
         Ok(id)
     }
@@ -196,6 +193,10 @@ impl Renderer {
                 input.style.tolerance
             )));
         }
+        if !(input.style.threshold > 0.0 && input.style.threshold.is_finite()) {
+            let text = format!("a threshold of {} px: it is a number and more than 0", input.style.threshold);
+            return Err(Error::Unsupported(text));
+        }
         if plan.blend == Blend::Groups && traits.iter().any(|t| t.groups.is_none()) {
             return Err(Error::Unsupported("groups of a cloud that has none: see `Flat::groups`".into()));
         }
@@ -224,22 +225,25 @@ impl Renderer {
         let sprite_limit = if plan.quads { f64::MAX } else { self.context.limits.point_size_range[1] as f64 };
         let mut params = Vec::new();
         let mut views = Vec::new();
+        let mut listing = Listing::default();
         for (camera, view) in cameras.iter().zip(input.views) {
             let mut draws = Vec::new();
             let slabs = match plan.voronoi {
                 Voronoi::Slabs => {
-                    let drawn = input.instances.iter().map(|i| (&*self.cloud(i).flat, i.transform));
+                    let drawn = input.instances.iter().map(|i| (self.cloud(i).flat(), i.transform));
                     Some(Slabs::new(view, input.style, drawn))
                 }
                 Voronoi::Cones | Voronoi::Off => None,
             };
             let pairs = camera.needs_pairs(input.extent);
             for (i, (instance, cloud_traits)) in input.instances.iter().zip(&traits).enumerate() {
-                let flat = &self.cloud(instance).flat;
+                let cloud = self.cloud(instance);
+                let flat = cloud.flat();
                 let mut block = camera.draw_params(
                     input.extent,
                     &instance.transform,
-                    flat,
+                    flat.origin,
+                    &cloud.bounds,
                     input.style,
                     plan.disc,
                     sprite_limit.min(3e38) as f32,
@@ -249,45 +253,66 @@ impl Renderer {
                     block.slab_thickness = slabs.thickness as f32;
                     block.slab_count = slabs.count as f32;
                 }
+                let sight = Sight::new(
+                    view,
+                    [input.extent.width, input.extent.height],
+                    &instance.transform,
+                    flat.origin,
+                    input.style,
+                );
+                let test = sight.test();
+                (block.test_eye, block.tau) = (test.eye, test.tau);
+
                 let (matrix, _) = camera.eye_from_cloud(&instance.transform, flat.origin);
                 let radius_scale = input.style.radius_scale as f64 * scale(&instance.transform);
+                let in_front = |blocks: &[Block]| whole_in_front(blocks, camera, &matrix, radius_scale);
                 let mut cloud_traits = *cloud_traits;
-                cloud_traits.closed &= whole_in_front(&flat.blocks, camera, &matrix, radius_scale);
+                cloud_traits.closed &= in_front(&[cloud.bounds]) || in_front(&flat.blocks);
+                let mut list = DrawList::default();
+                cut::cut(&cloud.cloud, &sight, input.style, plan.culls(input.style, &cloud_traits), 0, &mut list);
                 // A point of a given size is a sprite or, with quads, a quad: never cast.
-                let may_be_large = |b: &&crate::structure::flat::Block| {
-                    !plan.pixels
-                        && may_hold_large(
-                            b,
-                            camera,
-                            &matrix,
-                            radius_scale,
-                            input.style.low_pass as f64,
-                            input.extent,
-                            sprite_limit,
-                        )
+                let may_be_large = |block: &Block| {
+                    let low_pass = input.style.low_pass as f64;
+                    let limits = (low_pass, input.extent, sprite_limit);
+                    !plan.pixels && may_hold_large(block, camera, &matrix, radius_scale, limits.0, limits.1, limits.2)
                 };
-                let resident = self.cloud(instance).resident();
-                let large: Vec<u32> = (0..)
-                    .zip(flat.blocks.iter().take_while(|b| (b.first as usize) < resident))
-                    .filter(|(_, b)| may_be_large(b))
-                    .map(|(i, _)| i)
-                    .collect();
+                let large: Vec<u32> = if list.spans.is_empty() || !may_be_large(&cloud.bounds) {
+                    Vec::new()
+                } else {
+                    let least = list.spans.iter().map(|s| s.least).fold(0.0, f32::max);
+                    let widened = |b: &Block| Block { radius: b.radius.max(least), ..*b };
+                    (0..).zip(&flat.blocks).filter(|(_, b)| may_be_large(&widened(b))).map(|(i, _)| i).collect()
+                };
+                let chunks: Vec<[u32; 2]> = cloud.chunks.iter().map(|c| [c.first, c.count]).collect();
+                let mut runs = runs(&list.spans, &chunks, &flat.blocks, &large);
                 let variant = |large| {
                     Variant::new(Role::Visibility, &plan, input.style, &cloud_traits, &targets_plan, large, pairs)
                 };
+                let main = variant(Large::Never);
+                let offset = (params.len() as u64 * PARAMS_STRIDE) as u32;
+                let listed = main.test.is_some() && input.technique.selection == Selection::Compute;
+                if listed {
+                    for run in &mut runs {
+                        let place = [i, run.chunk];
+                        run.range = Some(listing.add(place, offset, main.test, run.first, run.count));
+                    }
+                }
                 draws.push(Draw {
                     cloud: i,
-                    params: (params.len() as u64 * PARAMS_STRIDE) as u32,
-                    main: variant(Large::Never),
-                    large,
+                    params: offset,
+                    runs,
+                    test: main.test,
+                    main: main.of_list(listed),
                     // Where the order counts, what a sprite cannot hold must not come after everything else.
-                    large_variant: variant(if plan.ordered.is_some() { Large::Too } else { Large::Only }),
+                    large: variant(if plan.ordered.is_some() { Large::Too } else { Large::Only }).of_list(listed),
                 });
                 params.push(block);
             }
             views.push(draws);
         }
-        let any_large = views.iter().flatten().any(|d| !d.large.is_empty());
+        let any_large = views.iter().flatten().any(Draw::has_large);
+        let keep = input.keep_lists && !listing.is_empty();
+        self.slots[slot].ensure_lists(&mut self.context, &listing, keep)?;
         if !any_large {
             stats.skipped.push(Skip {
                 stage: "large footprints",
@@ -309,25 +334,35 @@ impl Renderer {
         let read = Read { targets, layers, host_depth: input.host_depth, sampler: self.composite.sampler };
         slot_ref.write(&self.context, &params, &frame, &read);
         slot_ref.counted = input.count;
+        if let Some(lists) = slot_ref.lists.as_mut().filter(|_| !listing.is_empty()) {
+            lists.write(&listing);
+        }
 
-        let list = DrawList::all(input.instances.iter().map(|i| self.cloud(i).resident() as u32));
-        stats.points_submitted = list.submitted() * input.views.len() as u64;
+        stats.points_submitted = views.iter().flatten().map(Draw::submitted).sum();
         let clouds: Vec<CloudId> = input.instances.iter().map(|i| i.cloud).collect();
+        let cloud_refs: Vec<&DeviceCloud> = clouds.iter().map(|id| &self.clouds[id]).collect();
+        let slot_ref = &mut self.slots[slot];
+        let bindings = Bindings {
+            program: &self.splats,
+            pipelines: &self.pipelines,
+            params: slot_ref.params_set,
+            select: slot_ref.select_set,
+            indices: self.indices.as_ref(),
+            lists: slot_ref.lists.as_ref(),
+            clouds: &cloud_refs,
+        };
+        let mut recorder = Recorder::new(&self.context, cmd, slot_ref.timestamps.as_mut());
+        if let Some(lists) = slot_ref.lists.as_ref().filter(|_| !listing.is_empty()) {
+            stats.draw_calls += list::record(&mut recorder, &bindings, lists, &listing);
+        } else {
+            stats.skipped.push(Skip { stage: "compaction", reason: "nothing is tested point by point by compute" });
+        }
         if input.count {
-            let cloud_refs: Vec<&DeviceCloud> = clouds.iter().map(|id| &self.clouds[id]).collect();
-            let slot_ref = &mut self.slots[slot];
-            let bindings = Bindings {
-                program: &self.splats,
-                pipelines: &self.pipelines,
-                params: slot_ref.params_set,
-                indices: self.indices.as_ref(),
-                clouds: &cloud_refs,
-            };
-            let mut recorder = Recorder::new(&self.context, cmd, slot_ref.timestamps.as_mut());
-            stats.draw_calls += count::record(&mut recorder, &bindings, &slot_ref.counts, slot_ref.counts_set, &views);
+            stats.draw_calls += count::record(&mut recorder, &bindings, &slot_ref.counts, &views);
         } else {
             stats.skipped.push(Skip { stage: "count", reason: "no statistics of points asked for" });
         }
+        slot_ref.kept = keep.then_some(listing);
         stats.device_bytes = self.context.allocated;
         self.slots[slot].stats = Some(stats);
         let convention = input.views[0].depth;
@@ -359,7 +394,9 @@ impl Renderer {
             program: &self.splats,
             pipelines: &self.pipelines,
             params: slot.params_set,
+            select: slot.select_set,
             indices: self.indices.as_ref(),
+            lists: slot.lists.as_ref(),
             clouds: &clouds,
         };
         let mut calls = 0;
@@ -436,6 +473,9 @@ impl Renderer {
                     other => other.unwrap_or_default(),
                 };
                 stats.passes = times.into_iter().map(|(name, gpu_ms)| PassTime { name, gpu_ms }).collect();
+            }
+            if let Some((listing, lists)) = slot.kept.take().zip(slot.lists.as_mut()) {
+                stats.lists = lists.read(&listing);
             }
             if slot.counted {
                 let (drawn, culled) = count::account(&slot.read_counts());
@@ -637,12 +677,13 @@ impl Renderer {
         }
         for draw in views.iter().flatten() {
             for &role in roles {
-                for variant in [draw.main, draw.large_variant] {
+                for variant in [draw.main, draw.large] {
                     built += self.pipelines.ensure(&self.context, &self.splats, Variant { role, ..variant })? as u32;
                 }
             }
-            if input.count {
-                let variant = Variant { role: Role::Count, ..draw.main };
+            let steps = if draw.main.listed { &[Step::Mark, Step::Scan, Step::List][..] } else { &[] };
+            let computed = steps.iter().map(|step| Variant::compute(draw.test, *step));
+            for variant in computed.chain(input.count.then(|| draw.main.count(draw.test))) {
                 built += self.pipelines.ensure(&self.context, &self.splats, variant)? as u32;
             }
         }

@@ -14,8 +14,11 @@ pub enum Structure {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Selection {
-    /// Every point.
-    All,
+    /// What the view needs: of a flat array every point. Where a structure is tested point by point, the vertex stage does
+    /// that (Dachsbacher, Vogelgsang, Stamminger: Sequential Point Trees, 2003, section 3.7).
+    Vertex,
+    /// The same, tested by compute passes that write the numbers of what is drawn, in order, for an indirect draw.
+    Compute,
 }
 
 /// What the rasteriser is given for a splat.
@@ -74,7 +77,7 @@ impl Technique {
     /// Two passes over all points: no order, no groups, no optional feature. What splats are judged by.
     pub const TWO_PASS: Technique = Technique {
         structure: Structure::Flat,
-        selection: Selection::All,
+        selection: Selection::Vertex,
         primitive: Primitive::Point,
         order: Order::Stored,
         blend: Blend::TwoPass,
@@ -137,7 +140,7 @@ macro_rules! names {
 pub(crate) use names;
 
 names!(Structure { Flat = "flat" });
-names!(Selection { All = "all" });
+names!(Selection { Vertex = "vertex", Compute = "compute" });
 names!(Primitive { Point = "point", Quad = "quad" });
 names!(Order { Stored = "stored" });
 names!(Blend { Opaque = "opaque", TwoPass = "two-pass", Fuzzy = "fuzzy", Groups = "groups" });

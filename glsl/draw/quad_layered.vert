@@ -7,6 +7,6 @@ layout(set = 1, binding = 3, std430) readonly buffer Groups { uint groups[]; }; 
 
 void main() {
     quad();
-    uint i = uint(gl_VertexIndex) >> 2;
+    uint i = splat_index();
     gl_Layer = int(groups[i >> 2] >> (8u * (i & 3u)) & 0xffu);
 }

@@ -12,21 +12,22 @@ layout(set = 2, binding = 0, std430) buffer Counts {
     uint outside;
     uint back_face;
     uint invalid;
+    uint not_in_cut;
 } counts;
-layout(push_constant) uniform CountPush { uint count; } push;
 
-shared uint local[5];
+shared uint local[6];
 
 void main() {
     uint lane = gl_LocalInvocationIndex;
-    if (lane < 5u) {
+    if (lane < 6u) {
         local[lane] = 0u;
     }
     barrier();
     // A grid-stride loop: 65,535 groups at most, whatever the cloud.
     uint stride = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
-    for (uint i = gl_GlobalInvocationID.x; i < push.count; i += stride) {
-        Splat s = project(geometry[i], HAS_NORMAL ? normals[i] : NO_NORMAL);
+    for (uint at = gl_GlobalInvocationID.x; at < run.count; at += stride) {
+        uint i = run.first + at;
+        Splat s = project(i, geometry[i], HAS_NORMAL ? normals[i] : NO_NORMAL);
         atomicAdd(local[s.status], 1u);
     }
     barrier();
@@ -36,5 +37,6 @@ void main() {
         atomicAdd(counts.outside, local[OUTSIDE]);
         atomicAdd(counts.back_face, local[BACK_FACE]);
         atomicAdd(counts.invalid, local[INVALID]);
+        atomicAdd(counts.not_in_cut, local[NOT_IN_CUT]);
     }
 }

@@ -26,7 +26,16 @@ layout(set = 0, binding = 0, std140) uniform DrawParams {
     float slab_near;        // linear depth where the first slab begins, see blend/voronoi.glsl
     float slab_thickness;   // [world units]
     float slab_count;
+    vec4 test_eye;          // the eye relative to the cloud's origin and 1, or the direction towards the viewer and 0
+    float tau;              // what the interval test compares errors with, per unit of distance
 } params;
+
+// What a run of points has of its own. Twin: src/gpu/layout.rs.
+layout(push_constant) uniform RunPush {
+    uint first;             // compute: first point in the chunk, or first tile
+    uint count;             // compute: number of points
+    float least;            // least stored radius of its points, see Span
+} run;
 
 const int FOOTPRINT_SPLAT = 0;      // Gaussian disk
 const int FOOTPRINT_DISC = 1;       // hard disc
@@ -40,6 +49,10 @@ const int VORONOI_OFF = 0;      // the nearest fragment of a group
 const int VORONOI_CONES = 1;    // the least z + min(ε, r) u
 const int VORONOI_SLABS = 2;    // as published
 
+const int INTERVAL_OFF = 0;         // every point
+const int INTERVAL_EXACT = 1;       // passes, and its parent at its own place does not
+const int INTERVAL_PUBLISHED = 2;   // passes, and its parent would not at the point's distance and some more
+
 // Set in src/draw/variant.rs.
 layout(constant_id = 0) const int FOOTPRINT = FOOTPRINT_SPLAT;
 layout(constant_id = 1) const bool APPROXIMATE = false; // affine image of the disk (Coconu and Hege 2002, eqs 4 and 5)
@@ -51,6 +64,10 @@ layout(constant_id = 7) const bool PAIRS = false;       // projected centres in 
 layout(constant_id = 5) const int LARGE = LARGE_NEVER;  // what becomes of the splats that a sprite cannot hold
 layout(constant_id = 8) const int VORONOI = VORONOI_OFF;
 layout(constant_id = 9) const bool FRONT_FIRST = false; // the front is the fragment that came first (as published)
+
+layout(constant_id = 11) const int INTERVAL = INTERVAL_OFF;
+layout(constant_id = 12) const int RULE = 0;            // what errors are: see interval.glsl
+layout(constant_id = 13) const bool LISTED = false;     // quads: points are numbered by a list
 
 bool is_perspective() { return params.depth_map.z != 0.0; }
 

@@ -7,7 +7,7 @@ layout(location = 1) in uint in_normal;
 layout(location = 2) in uint in_color;
 
 void point() {
-    Splat s = project(in_geometry, in_normal);
+    Splat s = project(uint(gl_VertexIndex), in_geometry, in_normal);
     emit_attributes(s, in_color);
     gl_Position = NOWHERE;
     gl_PointSize = 1.0;

@@ -1,4 +1,4 @@
-// Four vertices a splat, pulled from storage; six indices to draw them.
+// Four vertices a splat, pulled from storage; six indices to draw them. From a list: six vertices a splat.
 #include "splat.glsl"
 #include "emit.glsl"
 
@@ -6,13 +6,23 @@ layout(set = 1, binding = 0, std430) readonly buffer Geometry { vec4 geometry[];
 layout(set = 1, binding = 1, std430) readonly buffer Normals { uint normals[]; };
 layout(set = 1, binding = 2, std430) readonly buffer Colors { uint colors[]; };
 
+layout(set = 2, binding = 5, std430) readonly buffer List { uint list[]; };
+
+// The splat of this vertex.
+uint splat_index() {
+    uint v = uint(gl_VertexIndex);
+    return LISTED ? list[v / 6u] : v >> 2;
+}
+
 void quad() {
-    uint i = uint(gl_VertexIndex) >> 2;
-    Splat s = project(geometry[i], HAS_NORMAL ? normals[i] : NO_NORMAL);
+    uint i = splat_index();
+    Splat s = project(i, geometry[i], HAS_NORMAL ? normals[i] : NO_NORMAL);
     emit_attributes(s, HAS_COLOR ? colors[i] : 0u);
     gl_Position = NOWHERE;
     if (is_drawn(s)) {
-        bvec2 high = bvec2((gl_VertexIndex & 1) != 0, (gl_VertexIndex & 2) != 0);
+        // Of six vertices 0 1 2, 2 1 3: two bits each.
+        int corner = LISTED ? 0xDA4 >> 2 * (gl_VertexIndex % 6) : gl_VertexIndex;
+        bvec2 high = bvec2((corner & 1) != 0, (corner & 2) != 0);
         // A sixteenth of a pixel for the rasteriser's grid.
         vec4 box = s.box + vec4(-0.0625, -0.0625, 0.0625, 0.0625);
         gl_Position = clip_position(mix(box.xy, box.zw, high), s.depth);

@@ -11,12 +11,14 @@
 #include "params.glsl"
 #include "octahedral.glsl"
 #include "pixel.glsl"
+#include "interval.glsl"
 
 const uint DRAWN = 0u;      // a sprite holds it
 const uint TOO_LARGE = 1u;  // drawn as a quad whose fragments cast their ray in eye space
 const uint OUTSIDE = 2u;    // its footprint misses the picture or lies before the near plane
 const uint BACK_FACE = 3u;
 const uint INVALID = 4u;
+const uint NOT_IN_CUT = 5u; // a finer or coarser point stands for it
 
 struct Splat {
     uint status;
@@ -84,11 +86,12 @@ vec4 clipped_box(vec3 c, vec3 e1, vec3 e2) {
     return box;
 }
 
-Splat project(vec4 geometry, uint normal_code) {
+// `i` is the point's number in its chunk.
+Splat project(uint i, vec4 geometry, uint normal_code) {
     Splat s;
     s.status = INVALID;
     // Squares of radii must not leave the range of floats: smaller and larger disks are points and planes.
-    s.radius = clamp(geometry.w * params.radius_scale, 1e-18, 1e18);
+    s.radius = clamp(max(geometry.w, run.least) * params.radius_scale, 1e-18, 1e18);
     s.centre = vec4(geometry.xyz - params.about.xyz, 1.0) * params.eye_from_cloud;
     s.depth = -s.centre.z;
     s.normal = vec3(0.0, 0.0, 1.0);
@@ -102,6 +105,10 @@ Splat project(vec4 geometry, uint normal_code) {
     // Also false for NaN; infinities fail the upper bounds. The stored radius is asked, since a product may be flushed to 0.
     bool sized = geometry.w > 0.0 && !isinf(geometry.w) && params.radius_scale > 0.0;
     if (!(sized && dot(abs(s.centre), vec3(1.0)) < 1e30)) {
+        return s;
+    }
+    if (!in_interval(i, geometry.xyz)) {
+        s.status = NOT_IN_CUT;
         return s;
     }
 

@@ -1,18 +1,16 @@
 //! A cloud on the device: chunks that fit the smallest storage-buffer range, uploaded as the host records frames.
 
-use std::sync::Arc;
-
 use ash::vk;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::Context;
 use crate::gpu::memory::Location;
 use crate::gpu::program::Program;
 use crate::gpu::resource::Buffer;
 use crate::gpu::retire::{RetireQueue, Retired};
 use crate::gpu::upload::Upload;
-use crate::structure::Flat;
-use crate::structure::flat::BLOCK;
+use crate::structure::flat::{BLOCK, Block};
+use crate::structure::{Cloud, Flat};
 
 use super::plan::CloudTraits;
 
@@ -35,7 +33,9 @@ pub struct Chunk {
     pub colors: Option<Buffer>,
     /// Groups, a byte a point.
     pub groups: Option<Buffer>,
-    /// The four as storage, for shaders that pull.
+    /// Links to nodes, for structures that are tested point by point.
+    pub links: Option<Buffer>,
+    /// The five and the cloud's nodes as storage, for shaders that pull.
     pub set: vk::DescriptorSet,
 }
 
@@ -53,28 +53,46 @@ impl Chunk {
 #[derive(Debug)]
 pub struct DeviceCloud {
     /// What it was made from: bounds and attributes are read in every frame.
-    pub flat: Arc<Flat>,
+    pub cloud: Cloud,
+    /// Bounds of everything.
+    pub bounds: Block,
     /// What has been uploaded, in order.
     pub chunks: Vec<Chunk>,
+    nodes: Option<Buffer>,
     pool: vk::DescriptorPool,
 }
 
 impl DeviceCloud {
-    /// Nothing is uploaded yet.
-    pub fn new(context: &Context, flat: Arc<Flat>) -> Result<DeviceCloud> {
+    /// Nothing is uploaded yet. Fails where the device cannot bind the structure's nodes at once.
+    pub fn new(context: &Context, cloud: Cloud) -> Result<DeviceCloud> {
+        let flat = cloud.flat();
+        let most = context.limits.max_storage_buffer_range as u64;
+        if let Some(bytes) = cloud.nodes().map(|n| size_of_val(&n.nodes[..]) as u64).filter(|b| *b > most) {
+            let text =
+                format!("a structure with {bytes} bytes of nodes: this device binds {most} (maxStorageBufferRange)");
+            return Err(Error::Unsupported(text));
+        }
         let sets = flat.len().div_ceil(CHUNK).max(1) as u32;
-        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 4 * sets }];
+        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 6 * sets }];
         let pool = context.descriptor_pool("cloud.sets", sets, &sizes)?;
-        Ok(DeviceCloud { flat, chunks: Vec::new(), pool })
+        let bounds = Block::around(&flat.blocks);
+        Ok(DeviceCloud { cloud, bounds, chunks: Vec::new(), nodes: None, pool })
+    }
+
+    /// Its points.
+    pub fn flat(&self) -> &Flat {
+        self.cloud.flat()
     }
 
     /// What decides between pipelines.
     pub fn traits(&self) -> CloudTraits {
+        let flat = self.flat();
         CloudTraits {
-            normals: self.flat.normals.is_some(),
-            colors: self.flat.colors.is_some(),
-            closed: self.flat.closed,
-            groups: self.flat.groups.as_ref().map(|g| (g.count, g.overlapping)),
+            normals: flat.normals.is_some(),
+            colors: flat.colors.is_some(),
+            closed: flat.closed,
+            groups: flat.groups.as_ref().map(|g| (g.count, g.overlapping)),
+            rule: self.cloud.nodes().map(|n| n.rule),
         }
     }
 
@@ -85,45 +103,56 @@ impl DeviceCloud {
 
     /// Bytes that still have to be uploaded.
     pub fn pending(&self) -> u64 {
-        let (all, done) = (self.flat.len() as u64, self.resident() as u64);
-        self.flat.bytes().checked_div(all).unwrap_or(0) * (all - done)
+        let flat = self.flat();
+        let (all, done) = (flat.len() as u64, self.resident() as u64);
+        let nodes = self.cloud.nodes().map_or(0, |n| size_of_val(&n.links[..]) as u64);
+        (flat.bytes() + nodes).checked_div(all).unwrap_or(0) * (all - done)
     }
 
     /// Makes the next chunk and the copies that fill it; `None` when everything is there. The staging memory must live
     /// until the frame is complete.
     pub fn upload_next(&mut self, context: &mut Context, program: &Program) -> Result<Option<Upload>> {
-        let first = self.resident();
-        let count = (self.flat.len() - first).min(CHUNK);
+        let cloud = self.cloud.clone();
+        let (flat, first) = (cloud.flat(), self.resident());
+        let count = (flat.len() - first).min(CHUNK);
         if count == 0 {
             return Ok(None);
         }
         let range = first..first + count;
-        let flat = Arc::clone(&self.flat);
-        let geometry: &[u8] = bytemuck::cast_slice(&flat.geometry[range.clone()]);
-        let normals: Option<&[u8]> = flat.normals.as_ref().map(|n| bytemuck::cast_slice(&n[range.clone()]));
-        let colors: Option<&[u8]> = flat.colors.as_ref().map(|c| bytemuck::cast_slice(&c[range.clone()]));
-        let groups: Option<&[u8]> = flat.groups.as_ref().map(|g| &g.of[range]);
-        let streams = [("geometry", Some(geometry)), ("normals", normals), ("colors", colors), ("groups", groups)];
+        let nodes = cloud.nodes();
+        // The nodes come with the first chunk: the points of every later one refer to them.
+        let records: Option<&[u8]> =
+            nodes.filter(|n| first == 0 && !n.nodes.is_empty()).map(|n| bytemuck::cast_slice(&n.nodes));
+        let streams: [(_, Option<&[u8]>); 6] = [
+            ("geometry", Some(bytemuck::cast_slice(&flat.geometry[range.clone()]))),
+            ("normals", flat.normals.as_ref().map(|n| bytemuck::cast_slice(&n[range.clone()]))),
+            ("colors", flat.colors.as_ref().map(|c| bytemuck::cast_slice(&c[range.clone()]))),
+            ("groups", flat.groups.as_ref().map(|g| &g.of[range.clone()])),
+            ("links", nodes.map(|n| bytemuck::cast_slice(&n.links[range]))),
+            ("nodes", records),
+        ];
         let bytes = |data: Option<&[u8]>| data.map_or(0, |d| (d.len() as u64).next_multiple_of(16));
 
-        let mut made = Vec::new();
+        let mut made: [Option<Buffer>; 6] = Default::default();
         let usage = vk::BufferUsageFlags::VERTEX_BUFFER
             | vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST;
         let all = (|| -> Result<(Upload, vk::DescriptorSet)> {
-            for (name, data) in streams {
+            for (to, (name, data)) in made.iter_mut().zip(streams) {
                 if let Some(data) = data {
                     // Bytes are read four at a time.
                     let size = (data.len() as u64).next_multiple_of(4);
-                    made.push(Buffer::new(context, name, size, usage, Location::Device)?);
+                    *to = Some(Buffer::new(context, name, size, usage, Location::Device)?);
                 }
             }
             let mut upload = Upload::new(context, streams.iter().map(|(_, data)| bytes(*data)).sum())?;
-            for (to, data) in made.iter().zip(streams.iter().filter_map(|(_, data)| *data)) {
-                upload.write(to, data);
+            for (to, (_, data)) in made.iter().zip(streams) {
+                if let Some((to, data)) = to.as_ref().zip(data) {
+                    upload.write(to, data);
+                }
             }
-            match self.allocate_set(context, program) {
-                Ok(set) => Ok((upload, set)),
+            match context.descriptor_sets(self.pool, &[program.sets[1]]) {
+                Ok(sets) => Ok((upload, sets[0])),
                 Err(e) => {
                     upload.staging.destroy(context);
                     Err(e)
@@ -133,22 +162,25 @@ impl DeviceCloud {
         let (upload, set) = match all {
             Ok(done) => done,
             Err(e) => {
-                made.into_iter().for_each(|b| b.destroy(context));
+                made.into_iter().flatten().for_each(|b| b.destroy(context));
                 return Err(e);
             }
         };
-        let mut made = made.into_iter();
-        let Some(geometry) = made.next() else { unreachable!("geometry was made") };
-        let normals = flat.normals.is_some().then(|| made.next()).flatten();
-        let colors = flat.colors.is_some().then(|| made.next()).flatten();
-        let chunk =
-            Chunk { first: first as u32, count: count as u32, geometry, normals, colors, groups: made.next(), set };
-        let infos =
-            chunk.streams().map(|buffer| [vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }]);
-        // Without shaders that choose a layer, the set has no place for the groups.
-        let bindings = if context.enabled.output_layer { 4 } else { 3 };
-        let writes: Vec<_> = (0..bindings)
+        let [Some(geometry), normals, colors, groups, links, nodes] = made else { unreachable!("geometry was made") };
+        if nodes.is_some() {
+            self.nodes = nodes;
+        }
+        let chunk = Chunk { first: first as u32, count: count as u32, geometry, normals, colors, groups, links, set };
+        // What is not there is stood in for by the geometry, and not read.
+        let stand_in = chunk.geometry.handle;
+        let or = |b: &Option<Buffer>| b.as_ref().map_or(stand_in, |b| b.handle);
+        let [geometry, normals, colors, groups] = chunk.streams();
+        let infos = [geometry, normals, colors, groups, or(&chunk.links), or(&self.nodes)]
+            .map(|buffer| [vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }]);
+        let writes: Vec<_> = (0..)
             .zip(&infos)
+            // Without shaders that choose a layer, the set has no place for the groups.
+            .filter(|(binding, _)| *binding != 3 || context.enabled.output_layer)
             .map(|(binding, info)| {
                 vk::WriteDescriptorSet::default()
                     .dst_set(set)
@@ -162,17 +194,12 @@ impl DeviceCloud {
         Ok(Some(upload))
     }
 
-    fn allocate_set(&self, context: &Context, program: &Program) -> Result<vk::DescriptorSet> {
-        Ok(context.descriptor_sets(self.pool, &[program.sets[1]])?[0])
-    }
-
     /// Gives everything up after `frame`.
     pub fn retire(self, queue: &mut RetireQueue, frame: u64) {
-        for chunk in self.chunks {
-            for buffer in [Some(chunk.geometry), chunk.normals, chunk.colors, chunk.groups].into_iter().flatten() {
-                queue.push(frame, Retired::Buffer(buffer));
-            }
-        }
+        let chunks = self.chunks.into_iter();
+        let buffers =
+            chunks.flat_map(|c| [Some(c.geometry), c.normals, c.colors, c.groups, c.links]).chain([self.nodes]);
+        buffers.flatten().for_each(|buffer| queue.push(frame, Retired::Buffer(buffer)));
         queue.push(frame, Retired::DescriptorPool(self.pool));
     }
 }

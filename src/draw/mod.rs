@@ -6,6 +6,7 @@ pub mod fuzzy;
 pub mod groups;
 pub mod large;
 pub mod layers;
+pub mod list;
 pub mod opaque;
 pub mod params;
 pub mod plan;

@@ -6,7 +6,7 @@ use glam::{DMat4, DVec3, DVec4, dvec2, dvec3, dvec4};
 use super::split::split;
 use crate::gpu::layout::{DrawParams, FrameParams, MAX_VIEWS, ViewParams};
 use crate::select::View;
-use crate::structure::Flat;
+use crate::structure::flat::Block;
 use crate::style::{EyeDome, Footprint, Shading, Style};
 
 /// What every cloud in a view shares.
@@ -128,13 +128,14 @@ impl Camera {
         &self,
         extent: vk::Extent2D,
         transform: &DMat4,
-        flat: &Flat,
+        origin: DVec3,
+        bounds: &Block,
         style: &Style,
         disc: bool,
         sprite_limit: f32,
     ) -> DrawParams {
-        let (mut eye_from_cloud, scale) = self.eye_from_cloud(transform, flat.origin);
-        let bounds = flat.bounds();
+        let (mut eye_from_cloud, scale) = self.eye_from_cloud(transform, origin);
+        let bounds = [bounds.min, bounds.max].map(|p| p.as_dvec3());
         // Pixels count from the middle.
         let middle = 0.5 * dvec2(extent.width as f64, extent.height as f64);
         let ray_middle = self.ray[0] + middle.x * self.ray[1] + middle.y * self.ray[2];
@@ -173,7 +174,9 @@ impl Camera {
             slab_near: 0.0,
             slab_thickness: 1.0,
             slab_count: 1.0,
-            padding: [0; 40],
+            test_eye: [0.0, 0.0, 0.0, 1.0],
+            tau: 0.0,
+            padding: [0; 35],
         }
     }
 

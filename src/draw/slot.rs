@@ -3,6 +3,7 @@
 use ash::vk;
 
 use super::layers::Layers;
+use super::list::{Listing, Lists};
 use super::targets::Targets;
 use crate::composite::Composite;
 use crate::error::Result;
@@ -28,14 +29,20 @@ pub struct Slot {
     pub timestamps: Option<Timestamps>,
     /// Set 0 of the splats.
     pub params_set: vk::DescriptorSet,
-    /// Set 2 of the counting pass.
-    pub counts_set: vk::DescriptorSet,
+    /// Set 2 of the splats: counters and lists.
+    pub select_set: vk::DescriptorSet,
     /// Set 0 of the full-screen passes.
     pub frame_set: vk::DescriptorSet,
     /// Counters, read by the processor.
     pub counts: Buffer,
+    /// What compaction takes, where there was any.
+    pub lists: Option<Lists>,
+    /// What the frame's lists are of, where they are kept for the processor.
+    pub kept: Option<Listing>,
     params: Buffer,
     frame_params: Buffer,
+    /// Stands in for all of them where nothing is compacted.
+    no_lists: Buffer,
     pool: vk::DescriptorPool,
 }
 
@@ -73,9 +80,10 @@ impl Slot {
             let sizes = [
                 count(vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, 1),
                 count(vk::DescriptorType::UNIFORM_BUFFER, 1),
-                count(vk::DescriptorType::STORAGE_BUFFER, 1),
+                count(vk::DescriptorType::STORAGE_BUFFER, 7),
                 count(vk::DescriptorType::COMBINED_IMAGE_SAMPLER, 5),
             ];
+            buffers.push(Buffer::new(context, "no lists", 16, storage, Location::Device)?);
             pool = context.descriptor_pool("slot.sets", 3, &sizes)?;
             timestamps = Timestamps::new(context)?;
             let layouts = [splats.sets[0], splats.sets[2], composite.program.sets[0]];
@@ -83,11 +91,12 @@ impl Slot {
             Ok([sets[0], sets[1], sets[2]])
         })();
         match made {
-            Ok([params_set, counts_set, frame_set]) => {
+            Ok([params_set, select_set, frame_set]) => {
                 let mut buffers = buffers.into_iter();
-                let (Some(params), Some(frame_params), Some(counts)) = (buffers.next(), buffers.next(), buffers.next())
+                let (Some(params), Some(frame_params), Some(counts), Some(no_lists)) =
+                    (buffers.next(), buffers.next(), buffers.next(), buffers.next())
                 else {
-                    unreachable!("all three were made")
+                    unreachable!("all four were made")
                 };
                 let stats = None;
                 let counted = false;
@@ -97,9 +106,12 @@ impl Slot {
                     counted,
                     timestamps,
                     params_set,
-                    counts_set,
+                    select_set,
                     frame_set,
                     counts,
+                    no_lists,
+                    lists: None,
+                    kept: None,
                     params,
                     frame_params,
                     pool,
@@ -153,13 +165,30 @@ impl Slot {
             |set, binding, ty| vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding).descriptor_type(ty);
         let mut writes = vec![
             to(self.params_set, 0, vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC).buffer_info(&params),
-            to(self.counts_set, 0, vk::DescriptorType::STORAGE_BUFFER).buffer_info(&counts),
+            to(self.select_set, 0, vk::DescriptorType::STORAGE_BUFFER).buffer_info(&counts),
             to(self.frame_set, 0, vk::DescriptorType::UNIFORM_BUFFER).buffer_info(&frame),
         ];
         for (binding, info) in (1..).zip(&images) {
             writes.push(to(self.frame_set, binding, vk::DescriptorType::COMBINED_IMAGE_SAMPLER).image_info(info));
         }
+        let lists = self.lists.as_ref().map_or([self.no_lists.handle; 6], Lists::bindings);
+        let lists = lists.map(|handle| buffer(handle, vk::WHOLE_SIZE));
+        for (binding, info) in (1..).zip(&lists) {
+            writes.push(to(self.select_set, binding, vk::DescriptorType::STORAGE_BUFFER).buffer_info(info));
+        }
         context.write_sets(&writes);
+    }
+
+    /// Makes room for what a frame compacts; the last one is complete.
+    pub fn ensure_lists(&mut self, context: &mut Context, listing: &Listing, keep: bool) -> Result<()> {
+        if listing.is_empty() || self.lists.as_ref().is_some_and(|l| l.holds(listing, keep)) {
+            return Ok(());
+        }
+        let made = Lists::new(context, listing, keep)?;
+        if let Some(old) = self.lists.replace(made) {
+            old.destroy(context);
+        }
+        Ok(())
     }
 
     /// The counters; the frame is complete.
@@ -169,8 +198,11 @@ impl Slot {
 
     /// Destroys everything; the frame is complete.
     pub fn destroy(self, context: &mut Context) {
-        for buffer in [self.params, self.frame_params, self.counts] {
+        for buffer in [self.params, self.frame_params, self.counts, self.no_lists] {
             buffer.destroy(context);
+        }
+        if let Some(lists) = self.lists {
+            lists.destroy(context);
         }
         if let Some(timestamps) = self.timestamps {
             timestamps.destroy(context);

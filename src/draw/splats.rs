@@ -3,17 +3,41 @@
 use ash::vk;
 
 use crate::gpu::Context;
+use crate::gpu::layout::{Command, RunPush};
 use crate::gpu::program::Program;
 use crate::gpu::resource::Buffer;
+use crate::select::Span;
 use crate::stats::OrderedAccess;
 use crate::structure::flat::{BLOCK, Block};
 
-use super::cloud::{Chunk, DeviceCloud};
+use super::cloud::DeviceCloud;
+use super::list::{Lists, Test};
 use super::variant::{Pipelines, Role, Variant};
 
 /// Indices of one block of quads: 0 1 2, 2 1 3, then four on.
 pub fn quad_indices() -> Vec<u16> {
     (0..BLOCK).flat_map(|q| [0, 1, 2, 2, 1, 3].map(|i| (4 * q + i) as u16)).collect()
+}
+
+/// Stages that read the constants of a run.
+pub const RUN_STAGES: vk::ShaderStageFlags =
+    vk::ShaderStageFlags::from_raw(vk::ShaderStageFlags::VERTEX.as_raw() | vk::ShaderStageFlags::COMPUTE.as_raw());
+
+/// Consecutive points of a chunk.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Run {
+    /// Index into the cloud's chunks.
+    pub chunk: usize,
+    /// Index of the first point in the chunk.
+    pub first: u32,
+    /// Number of points.
+    pub count: u32,
+    /// See [`Span::least`].
+    pub least: f32,
+    /// It may hold splats that a sprite cannot.
+    pub large: bool,
+    /// Number of the range that lists those of its points that are drawn; `None`: all are.
+    pub range: Option<u32>,
 }
 
 /// One cloud in one view.
@@ -23,12 +47,66 @@ pub struct Draw {
     pub cloud: usize,
     /// Byte offset of its parameters.
     pub params: u32,
+    /// What is drawn, in this order.
+    pub runs: Vec<Run>,
+    /// What decides a point by itself, wherever that is done.
+    pub test: Test,
     /// Variant for everything.
     pub main: Variant,
-    /// Indices of blocks that may hold splats beyond a sprite, and the variant that draws those.
-    pub large: Vec<u32>,
-    /// Variant for those.
-    pub large_variant: Variant,
+    /// Variant for what a sprite cannot hold.
+    pub large: Variant,
+}
+
+impl Draw {
+    /// Points submitted.
+    pub fn submitted(&self) -> u64 {
+        self.runs.iter().map(|r| r.count as u64).sum()
+    }
+
+    /// Whether there may be splats that a sprite cannot hold.
+    pub fn has_large(&self) -> bool {
+        self.runs.iter().any(|r| r.large)
+    }
+}
+
+/// Spans of one cloud as runs: cut where chunks end, and where blocks that may hold large splats begin or end. `large`
+/// has the indices of those, in order. What is not on the device yet is left out.
+pub fn runs(spans: &[Span], chunks: &[[u32; 2]], blocks: &[Block], large: &[u32]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for span in spans {
+        let (mut at, end) = (span.first, span.first + span.count);
+        while at < end {
+            let chunk = chunks.partition_point(|[first, count]| first + count <= at);
+            let Some([first, count]) = chunks.get(chunk) else { break };
+            // The first large block that ends behind this point.
+            let next = large.partition_point(|b| {
+                let block = &blocks[*b as usize];
+                block.first + block.count <= at
+            });
+            let next = large.get(next).map(|b| &blocks[*b as usize]);
+            let is_large = next.is_some_and(|b| b.first <= at);
+            let border = next.map_or(u32::MAX, |b| if is_large { b.first + b.count } else { b.first });
+            let stop = end.min(first + count).min(border);
+            let run =
+                Run { chunk, first: at - first, count: stop - at, least: span.least, large: is_large, range: None };
+            match runs.last_mut() {
+                Some(last) if last.goes_on_with(&run) && last.large == run.large => last.count += run.count,
+                _ => runs.push(run),
+            }
+            at = stop;
+        }
+    }
+    runs
+}
+
+impl Run {
+    fn goes_on_with(&self, next: &Run) -> bool {
+        self.chunk == next.chunk
+            && self.first + self.count == next.first
+            && self.least.to_bits() == next.least.to_bits()
+            && self.range.is_none()
+            && next.range.is_none()
+    }
 }
 
 /// What drawing needs besides the draws.
@@ -39,39 +117,39 @@ pub struct Bindings<'a> {
     pub pipelines: &'a Pipelines,
     /// Set 0: parameters, with a dynamic offset.
     pub params: vk::DescriptorSet,
+    /// Set 2: counters and lists.
+    pub select: vk::DescriptorSet,
     /// See [`quad_indices`]; there whenever quads are drawn.
     pub indices: Option<&'a Buffer>,
+    /// What ranges refer to; there whenever a run has one.
+    pub lists: Option<&'a Lists>,
     /// The frame's clouds.
     pub clouds: &'a [&'a DeviceCloud],
+}
+
+/// What is bound, so that it is not bound again.
+#[derive(Default)]
+struct Bound {
+    variant: Option<Variant>,
+    chunk: Option<usize>,
+    least: Option<u32>,
 }
 
 impl Bindings<'_> {
     /// Records one role's draws of a view. Returns the number of draw calls.
     pub fn draw(&self, context: &Context, cmd: vk::CommandBuffer, role: Role, draws: &[Draw]) -> u32 {
         let mut calls = 0;
-        for draw in draws {
-            let cloud = self.clouds[draw.cloud];
-            self.bind(context, cmd, draw.params, Variant { role, ..draw.main });
-            for chunk in &cloud.chunks {
-                calls += if draw.main.quads {
-                    let blocks = (0..chunk.count).step_by(BLOCK).map(|at| (at, BLOCK.min((chunk.count - at) as usize)));
-                    self.quads(context, cmd, chunk, blocks)
-                } else {
-                    points(context, cmd, chunk)
-                };
+        for draw in draws.iter().filter(|d| !d.runs.is_empty()) {
+            let mut bound = self.begin(context, cmd, draw);
+            let mut runs = draw.runs.iter().copied().peekable();
+            while let Some(mut run) = runs.next() {
+                while let Some(next) = runs.next_if(|next| run.goes_on_with(next)) {
+                    run.count += next.count;
+                }
+                calls += self.run(context, cmd, &mut bound, draw, Variant { role, ..draw.main }, &run);
             }
-            if draw.large.is_empty() {
-                continue;
-            }
-            self.bind(context, cmd, draw.params, Variant { role, ..draw.large_variant });
-            for chunk in &cloud.chunks {
-                let in_chunk = draw
-                    .large
-                    .iter()
-                    .map(|b| &cloud.flat.blocks[*b as usize])
-                    .filter(|b| (chunk.first..chunk.first + chunk.count).contains(&b.first))
-                    .map(|b| (b.first - chunk.first, b.count as usize));
-                calls += self.quads(context, cmd, chunk, in_chunk);
+            for run in draw.runs.iter().filter(|r| r.large) {
+                calls += self.run(context, cmd, &mut bound, draw, Variant { role, ..draw.large }, run);
             }
         }
         calls
@@ -96,35 +174,20 @@ impl Bindings<'_> {
     /// number of draw calls.
     pub fn draw_ordered(&self, context: &Context, cmd: vk::CommandBuffer, role: Role, draws: &[Draw]) -> u32 {
         let mut calls = 0;
-        for draw in draws {
-            let cloud = self.clouds[draw.cloud];
-            for chunk in &cloud.chunks {
-                let blocks = cloud.flat.blocks.iter().enumerate().map(|(i, b)| (i as u32, b));
-                let in_chunk = blocks.filter(|(_, b)| (chunk.first..chunk.first + chunk.count).contains(&b.first));
-                for (large, first, count) in runs(in_chunk.map(|(i, b)| (draw.large.binary_search(&i).is_ok(), b))) {
-                    let variant = if large { draw.large_variant } else { draw.main };
-                    self.bind(context, cmd, draw.params, Variant { role, ..variant });
-                    calls += if variant.quads {
-                        let end = first + count;
-                        let blocks = (first..end).step_by(BLOCK).map(|at| (at, BLOCK.min((end - at) as usize)));
-                        self.quads(context, cmd, chunk, blocks.map(|(at, n)| (at - chunk.first, n)))
-                    } else {
-                        context.bind_streams(cmd, &chunk.streams());
-                        context.draw(cmd, first - chunk.first, count);
-                        1
-                    };
-                }
+        for draw in draws.iter().filter(|d| !d.runs.is_empty()) {
+            let mut bound = self.begin(context, cmd, draw);
+            for run in &draw.runs {
+                let variant = if run.large { draw.large } else { draw.main };
+                calls += self.run(context, cmd, &mut bound, draw, Variant { role, ..variant }, run);
             }
         }
         calls
     }
 
-    fn bind(&self, context: &Context, cmd: vk::CommandBuffer, params: u32, variant: Variant) {
-        context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.pipelines.get(&variant));
-        self.bind_set(context, cmd, 0, self.params, &[params]);
-        if let Some(indices) = self.indices.filter(|_| variant.quads) {
-            context.bind_indices(cmd, indices.handle);
-        }
+    fn begin(&self, context: &Context, cmd: vk::CommandBuffer, draw: &Draw) -> Bound {
+        self.bind_set(context, cmd, 0, self.params, &[draw.params]);
+        self.bind_set(context, cmd, 2, self.select, &[]);
+        Bound::default()
     }
 
     fn bind_set(
@@ -138,42 +201,63 @@ impl Bindings<'_> {
         context.bind_sets(cmd, vk::PipelineBindPoint::GRAPHICS, self.program.layout, number, &[set], offsets);
     }
 
-    fn quads(
+    fn run(
         &self,
         context: &Context,
         cmd: vk::CommandBuffer,
-        chunk: &Chunk,
-        blocks: impl Iterator<Item = (u32, usize)>,
+        bound: &mut Bound,
+        draw: &Draw,
+        variant: Variant,
+        run: &Run,
     ) -> u32 {
-        let mut calls = 0;
-        for (first, count) in blocks {
-            if calls == 0 {
-                self.bind_set(context, cmd, 1, chunk.set, &[]);
+        let chunk = &self.clouds[draw.cloud].chunks[run.chunk];
+        let indirect = run.range.map(|range| {
+            let lists = self.lists.expect("lists were made for ranges");
+            (lists, range as u64 * size_of::<Command>() as u64)
+        });
+        if bound.variant != Some(variant) {
+            context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.pipelines.get(&variant));
+            match (variant.quads, indirect) {
+                (false, Some((lists, _))) => context.bind_list(cmd, lists.list.handle),
+                (true, None) => {
+                    let indices = self.indices.expect("indices were made for quads");
+                    context.bind_indices(cmd, indices.handle);
+                }
+                (true, Some(_)) | (false, None) => {}
             }
-            // A block has at most as many quads as there are indices, and its vertices lie in the chunk's buffers.
-            context.draw_indexed(cmd, 6 * count as u32, 4 * first as i32);
-            calls += 1;
+            bound.variant = Some(variant);
+            bound.chunk = None;
         }
-        calls
-    }
-}
-
-/// Consecutive blocks of one kind as (kind, first point, number of points).
-fn runs<'a>(blocks: impl Iterator<Item = (bool, &'a Block)>) -> Vec<(bool, u32, u32)> {
-    let mut runs: Vec<(bool, u32, u32)> = Vec::new();
-    for (kind, block) in blocks {
-        match runs.last_mut() {
-            Some((last, _, count)) if *last == kind => *count += block.count,
-            _ => runs.push((kind, block.first, block.count)),
+        if bound.chunk != Some(run.chunk) {
+            if !variant.quads {
+                context.bind_streams(cmd, &chunk.streams());
+            }
+            self.bind_set(context, cmd, 1, chunk.set, &[]);
+            bound.chunk = Some(run.chunk);
         }
+        if bound.least != Some(run.least.to_bits()) {
+            let push = RunPush { first: 0, count: 0, least: run.least, padding: [] };
+            context.push(cmd, self.program.layout, RUN_STAGES, bytemuck::bytes_of(&push));
+            bound.least = Some(run.least.to_bits());
+        }
+        match (variant.quads, indirect) {
+            (false, Some((lists, at))) => context.draw_indexed_indirect(cmd, lists.commands.handle, at),
+            (true, Some((lists, at))) => {
+                let at = at + std::mem::offset_of!(Command, vertices) as u64;
+                context.draw_indirect(cmd, lists.commands.handle, at);
+            }
+            (false, None) => context.draw(cmd, run.first, run.count),
+            (true, None) => {
+                let end = run.first + run.count;
+                for first in (run.first..end).step_by(BLOCK) {
+                    // As many as there are indices at most; the vertices lie in the chunk's buffers.
+                    context.draw_indexed(cmd, 6 * (end - first).min(BLOCK as u32), 4 * first as i32);
+                }
+                return run.count.div_ceil(BLOCK as u32);
+            }
+        }
+        1
     }
-    runs
-}
-
-fn points(context: &Context, cmd: vk::CommandBuffer, chunk: &Chunk) -> u32 {
-    context.bind_streams(cmd, &chunk.streams());
-    context.draw(cmd, 0, chunk.count);
-    1
 }
 
 #[cfg(test)]
@@ -181,20 +265,34 @@ mod tests {
     use super::*;
 
     #[test]
-    fn runs_keep_the_order() {
-        let blocks: Vec<Block> = (0..5)
-            .map(|i| Block {
-                first: 10 * i,
-                count: 10 - i / 4,
-                min: glam::Vec3::ZERO,
-                max: glam::Vec3::ZERO,
-                radius: 1.0,
-            })
-            .collect();
-        let kinds = [false, false, true, false, false];
-        let found = runs(kinds.into_iter().zip(&blocks));
-        assert_eq!(found, [(false, 0, 20), (true, 20, 10), (false, 30, 19)]);
-        assert_eq!(runs([].into_iter()), []);
+    fn runs_keep_the_order_and_end_where_chunks_and_large_blocks_do() {
+        let block = |i: u32| Block {
+            first: 10 * i,
+            count: 10 - i / 4,
+            min: glam::Vec3::ZERO,
+            max: glam::Vec3::ZERO,
+            radius: 1.0,
+        };
+        let blocks: Vec<Block> = (0..5).map(block).collect();
+        let chunks = [[0, 20], [20, 29]];
+        let span = |first, count, least| Span { instance: 0, first, count, least };
+        let found = |spans: &[Span], large: &[u32]| -> Vec<(usize, u32, u32, f32, bool)> {
+            let all = runs(spans, &chunks, &blocks, large);
+            all.iter().map(|r| (r.chunk, r.first, r.count, r.least, r.large)).collect()
+        };
+        let all = [span(0, 49, 0.0)];
+        assert_eq!(found(&all, &[]), [(0, 0, 20, 0.0, false), (1, 0, 29, 0.0, false)]);
+        assert_eq!(
+            found(&all, &[1, 2]),
+            [(0, 0, 10, 0.0, false), (0, 10, 10, 0.0, true), (1, 0, 10, 0.0, true), (1, 10, 19, 0.0, false)]
+        );
+        let parts = [span(5, 3, 0.0), span(8, 4, 0.5), span(12, 1, 0.5), span(40, 20, 0.0)];
+        assert_eq!(
+            found(&parts, &[0]),
+            [(0, 5, 3, 0.0, true), (0, 8, 2, 0.5, true), (0, 10, 3, 0.5, false), (1, 20, 9, 0.0, false)],
+            "what is beyond the last chunk is not there yet"
+        );
+        assert_eq!(found(&[], &[0]), []);
     }
 
     #[test]

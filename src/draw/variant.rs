@@ -10,7 +10,8 @@ use crate::gpu::program::{BlendMode, ColorTarget, DepthMode, GraphicsInfo, Progr
 use crate::gpu::spirv::{Shader, generated as spirv};
 use crate::gpu::{Context, Enabled, Interlock};
 use crate::stats::OrderedAccess;
-use crate::style::{Ellipse, Front, Style, SumPrecision, Voronoi};
+use crate::structure::nodes::ErrorRule;
+use crate::style::{Ellipse, Front, Interval, Style, SumPrecision, Voronoi};
 use crate::technique::Blend;
 
 use super::layers::LAYER_DEPTH;
@@ -27,6 +28,9 @@ pub fn shaders(enabled: &Enabled) -> Vec<&'static Shader> {
         &spirv::DRAW_ACCUMULATE_FRAG,
         &spirv::DRAW_ACCUMULATE_SURFACE_FRAG,
         &spirv::SELECT_COUNT_COMP,
+        &spirv::SELECT_MARK_COMP,
+        &spirv::SELECT_SCAN_COMP,
+        &spirv::SELECT_LIST_COMP,
     ];
     if enabled.rasterization_order {
         shaders.extend([&spirv::DRAW_FUZZY_FRAG, &spirv::DRAW_FUZZY_SURFACE_FRAG]);
@@ -74,6 +78,19 @@ pub enum Role {
     Groups,
     /// Counting: compute.
     Count,
+    /// Compaction: three compute passes.
+    Compact(Step),
+}
+
+/// One of the passes of compaction, in their order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Step {
+    /// Which points.
+    Mark,
+    /// How many before each tile.
+    Scan,
+    /// Their numbers.
+    List,
 }
 
 /// A pipeline's key: the specialisation constants of `glsl/shared/params.glsl`, and the fixed state.
@@ -105,6 +122,10 @@ pub struct Variant {
     pub surface: bool,
     /// Precision of the sums of colours.
     pub sums: SumPrecision,
+    /// INTERVAL and RULE: what is tested point by point, where that is not left to compaction.
+    pub test: Option<(Interval, ErrorRule)>,
+    /// LISTED, for quads; point primitives have the list as their indices.
+    pub listed: bool,
 }
 
 /// What becomes of splats that a sprite cannot hold.
@@ -145,7 +166,40 @@ impl Variant {
             front: style.front,
             surface: if plan.blend == Blend::Groups { plan.lit } else { targets.surface },
             sums: plan.sums,
+            test: cloud.rule.map(|rule| (style.interval, rule)),
+            listed: false,
         }
+    }
+
+    /// The variant that counts what this one draws, each point tested as `test` says.
+    pub fn count(self, test: Option<(Interval, ErrorRule)>) -> Variant {
+        Variant { role: Role::Count, test, listed: false, ..self }
+    }
+
+    /// The variant of a compute pass: nothing else tells them apart.
+    pub fn compute(test: Option<(Interval, ErrorRule)>, step: Step) -> Variant {
+        Variant {
+            role: Role::Compact(step),
+            quads: false,
+            footprint: 0,
+            approximate: false,
+            cull: false,
+            normals: false,
+            colors: false,
+            large: Large::Never,
+            pairs: false,
+            voronoi: Voronoi::Off,
+            front: Front::Nearest,
+            surface: false,
+            sums: SumPrecision::Single,
+            test: if step == Step::Mark { test } else { None },
+            listed: false,
+        }
+    }
+
+    /// The same for points whose numbers compaction has listed.
+    pub fn of_list(self, listed: bool) -> Variant {
+        if listed { Variant { listed, test: None, ..self } } else { self }
     }
 
     fn build(&self, context: &Context, program: &Program, passes: &mut OrderedPasses) -> Result<vk::Pipeline> {
@@ -166,6 +220,13 @@ impl Variant {
             },
             (self.front == Front::First) as u32,
             self.surface as u32,
+            match self.test.map(|(interval, _)| interval) {
+                None => 0,
+                Some(Interval::Exact) => 1,
+                Some(Interval::Published) => 2,
+            },
+            self.test.map_or(0, |(_, rule)| rule as u32),
+            (self.listed && self.quads) as u32,
         ];
         let sum = ColorTarget { format: sums_format(self.sums), blend: BlendMode::Replace };
         let surface = ColorTarget { format: SURFACE, blend: BlendMode::Replace };
@@ -180,6 +241,14 @@ impl Variant {
         let mut pass = None;
         let (name, fragment, colors, depth): (_, &Shader, Vec<ColorTarget>, _) = match self.role {
             Role::Count => return program.compute(context, "count", &spirv::SELECT_COUNT_COMP, &constants),
+            Role::Compact(step) => {
+                let (name, shader) = match step {
+                    Step::Mark => ("mark", &spirv::SELECT_MARK_COMP),
+                    Step::Scan => ("scan", &spirv::SELECT_SCAN_COMP),
+                    Step::List => ("list", &spirv::SELECT_LIST_COMP),
+                };
+                return program.compute(context, name, shader, &constants);
+            }
             Role::Visibility => {
                 ("visibility", &spirv::DRAW_VISIBILITY_FRAG, vec![], depth(DEPTH, greater, true, false))
             }

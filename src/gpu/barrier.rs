@@ -23,7 +23,7 @@ pub enum Access {
     DepthWrite,
     /// Sampled in a fragment shader.
     FragmentRead,
-    /// Vertex attributes, indices, and storage read by vertex shaders.
+    /// Vertex attributes, indices, indirect commands, and storage read by vertex shaders.
     VertexRead,
     /// Storage read and written by compute.
     ComputeWrite,
@@ -51,8 +51,8 @@ impl Access {
             ),
             Access::FragmentRead => (S::FRAGMENT_SHADER, A::SHADER_SAMPLED_READ),
             Access::VertexRead => (
-                S::VERTEX_ATTRIBUTE_INPUT | S::INDEX_INPUT | S::VERTEX_SHADER | S::COMPUTE_SHADER,
-                A::VERTEX_ATTRIBUTE_READ | A::INDEX_READ | A::SHADER_STORAGE_READ,
+                S::DRAW_INDIRECT | S::VERTEX_ATTRIBUTE_INPUT | S::INDEX_INPUT | S::VERTEX_SHADER | S::COMPUTE_SHADER,
+                A::INDIRECT_COMMAND_READ | A::VERTEX_ATTRIBUTE_READ | A::INDEX_READ | A::SHADER_STORAGE_READ,
             ),
             Access::ComputeWrite => (S::COMPUTE_SHADER, A::SHADER_STORAGE_READ | A::SHADER_STORAGE_WRITE),
             Access::HostRead => (S::HOST, A::HOST_READ),

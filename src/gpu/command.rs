@@ -6,6 +6,7 @@
 use ash::vk;
 
 use super::context::Context;
+use super::resource::Buffer;
 use crate::error::{Named, Result};
 
 impl Context {
@@ -46,6 +47,32 @@ impl Context {
     pub fn bind_indices(&self, cmd: vk::CommandBuffer, buffer: vk::Buffer) {
         // SAFETY: the module's contract; the buffer was made for indices.
         unsafe { self.device.cmd_bind_index_buffer(cmd, buffer, 0, vk::IndexType::UINT16) };
+    }
+
+    /// Binds 32-bit indices.
+    pub fn bind_list(&self, cmd: vk::CommandBuffer, buffer: vk::Buffer) {
+        // SAFETY: the module's contract; the buffer was made for indices.
+        unsafe { self.device.cmd_bind_index_buffer(cmd, buffer, 0, vk::IndexType::UINT32) };
+    }
+
+    /// Draws what a `VkDrawIndirectCommand` at `offset` says.
+    pub fn draw_indirect(&self, cmd: vk::CommandBuffer, commands: vk::Buffer, offset: u64) {
+        // SAFETY: the module's contract; the buffer holds a whole command there, a multiple of four from its start, written
+        // before by a pass whose writes were made visible, and what it leads to lies within what is bound.
+        unsafe { self.device.cmd_draw_indirect(cmd, commands, offset, 1, 0) };
+    }
+
+    /// Draws what a `VkDrawIndexedIndirectCommand` at `offset` says.
+    pub fn draw_indexed_indirect(&self, cmd: vk::CommandBuffer, commands: vk::Buffer, offset: u64) {
+        // SAFETY: as for `draw_indirect`; the indices that it takes are bound, and lie within the bound streams.
+        unsafe { self.device.cmd_draw_indexed_indirect(cmd, commands, offset, 1, 0) };
+    }
+
+    /// Copies all of `from` to where `at` bytes of `to` end.
+    pub fn copy(&self, cmd: vk::CommandBuffer, from: &Buffer, to: &Buffer, at: u64) {
+        let copy = vk::BufferCopy { src_offset: 0, dst_offset: at, size: from.size };
+        // SAFETY: the module's contract, outside passes; `to` is that much larger, and both were made for copies.
+        unsafe { self.device.cmd_copy_buffer(cmd, from.handle, to.handle, &[copy]) };
     }
 
     /// Draws `count` vertices from `first` on; bound streams hold as many.

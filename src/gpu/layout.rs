@@ -76,7 +76,11 @@ block! {
         slab_thickness: f32 = SLAB_THICKNESS,
         /// Number of slabs.
         slab_count: f32 = SLAB_COUNT,
-    } pad 40
+        /// In the cloud's coordinates.
+        test_eye: [f32; 4] = TEST_EYE,
+        /// Error per distance that passes.
+        tau: f32 = TAU,
+    } pad 35
 }
 
 block! {
@@ -132,14 +136,58 @@ block! {
         back_face: u32 = BACK_FACE,
         /// Not a splat: NaN, infinity, radius zero.
         invalid: u32 = INVALID,
+        /// Something finer or coarser stands for it.
+        not_in_cut: u32 = NOT_IN_CUT,
     } pad 0
 }
 
 block! {
-    /// Push constant of the counting pass.
-    CountPush = count_push {
-        /// Points in the chunk.
+    /// Push constants of a run of points.
+    RunPush = run_push {
+        /// Compute: first point in the chunk, or first tile.
+        first: u32 = FIRST,
+        /// Compute: number of points.
         count: u32 = COUNT,
+        /// Least stored radius.
+        least: f32 = LEAST,
+    } pad 0
+}
+
+block! {
+    /// A part of the list that compaction writes; `glsl/shared/list.glsl` says what the members mean.
+    Range = range {
+        /// Tile.
+        first: u32 = FIRST,
+        /// Number of tiles.
+        tiles: u32 = TILES,
+        /// Place in the list.
+        base: u32 = BASE,
+        /// Nothing.
+        unused: u32 = UNUSED,
+    } pad 0
+}
+
+block! {
+    /// What draws such a part: `VkDrawIndexedIndirectCommand`, then `VkDrawIndirectCommand`.
+    Command = command {
+        /// Points.
+        indices: u32 = INDICES,
+        /// One.
+        instances: u32 = INSTANCES,
+        /// Place in the list.
+        first_index: u32 = FIRST_INDEX,
+        /// None.
+        vertex_offset: u32 = VERTEX_OFFSET,
+        /// None.
+        first_instance: u32 = FIRST_INSTANCE,
+        /// Six a point.
+        vertices: u32 = VERTICES,
+        /// One.
+        quad_instances: u32 = QUAD_INSTANCES,
+        /// Six times the place in the list.
+        first_vertex: u32 = FIRST_VERTEX,
+        /// None.
+        first_quad_instance: u32 = FIRST_QUAD_INSTANCE,
     } pad 0
 }
 

@@ -128,32 +128,34 @@ impl<'a> Setup<'a> {
 
     /// Point `number` of the draw list.
     pub fn point(&self, number: u32) -> Fate {
-        let (object, index) = self.find(number);
-        self.splat(object, index)
+        let (object, index, least) = self.find(number);
+        self.splat(object, index, least)
     }
 
     /// The group of point `number`.
     pub fn group(&self, number: u32) -> u8 {
-        let (object, index) = self.find(number);
+        let (object, index, _) = self.find(number);
         let groups = object.flat.groups.as_ref().expect(NO_GROUPS);
         let group = groups.of[index];
         assert!((group as u32) < groups.count, "group {group} of {}", groups.count);
         group
     }
 
-    /// The cloud of a point of the draw list, and its index there.
-    fn find(&self, number: u32) -> (&Object<'a>, usize) {
+    /// The cloud of a point of the draw list, its index there, and its least radius.
+    fn find(&self, number: u32) -> (&Object<'a>, usize, f32) {
         let at = self.starts.partition_point(|&s| s <= number) - 1;
         let span = self.scene.list.spans[at];
-        (&self.objects[span.instance as usize], (span.first + (number - self.starts[at])) as usize)
+        (&self.objects[span.instance as usize], (span.first + (number - self.starts[at])) as usize, span.least)
     }
 
-    fn splat(&self, object: &Object, index: usize) -> Fate {
+    fn splat(&self, object: &Object, index: usize, least: f32) -> Fate {
         let style = self.scene.style;
         let [x, y, z, radius] = object.flat.geometry[index];
         let p = object.origin + object.linear * DVec3::new(x as f64, y as f64, z as f64);
-        let r = radius as f64 * style.radius_scale as f64 * object.scale;
-        if !(p.is_finite() && r.is_finite() && r > 0.0) {
+        let scale = style.radius_scale as f64 * object.scale;
+        let valid = radius > 0.0 && (radius as f64 * scale).is_finite() && scale > 0.0;
+        let r = radius.max(least) as f64 * scale;
+        if !(p.is_finite() && valid) {
             return Fate::Invalid;
         }
 

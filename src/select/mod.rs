@@ -1,6 +1,7 @@
 //! Views, and which points a frame draws in which order. No Vulkan here.
 #![forbid(unsafe_code)]
 
+pub mod cut;
 pub mod draw_list;
 pub mod sight;
 pub mod slabs;

@@ -4,6 +4,7 @@ use glam::{DMat4, DVec3, DVec4, Vec3, dvec4};
 
 use super::View;
 use crate::structure::nodes::Test;
+use crate::style::Style;
 
 /// A view of one instance, in the coordinates of its cloud, relative to the cloud's origin. Lengths are in cloud units.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,21 +13,17 @@ pub struct Sight {
     pub eye: DVec4,
     /// An error e passes at distance r where e ≤ τ r; without perspective where e ≤ τ. τ = threshold / focal length.
     pub tau: f64,
-    /// Planes with unit normals, n · p + d ≥ 0 within the picture and `low_pass` pixels round it, and beyond the near plane.
+    /// Planes with unit normals, n · p + d ≥ 0 within the picture and the low-pass round it, and beyond the near plane.
     pub planes: [DVec4; 5],
+    /// Factor on all radii.
+    pub radius_scale: f64,
 }
 
 impl Sight {
-    /// Of a picture of `extent` pixels. `threshold` and `low_pass` are in pixels; the transform is a similarity, from the
-    /// cloud's world to the scene's, and `origin` the cloud's.
-    pub fn new(
-        view: &View,
-        extent: [u32; 2],
-        transform: &DMat4,
-        origin: DVec3,
-        threshold: f64,
-        low_pass: f64,
-    ) -> Sight {
+    /// Of a picture of `extent` pixels. The transform is a similarity, from the cloud's world to the scene's, and `origin`
+    /// the cloud's.
+    pub fn new(view: &View, extent: [u32; 2], transform: &DMat4, origin: DVec3, style: &Style) -> Sight {
+        let (threshold, low_pass) = (style.threshold as f64, style.low_pass as f64);
         let view = view.right_handed();
         let eye_from_cloud = view.view * *transform * DMat4::from_translation(origin);
         let eye = eye_from_cloud.inverse() * view.centre_of_projection();
@@ -44,7 +41,8 @@ impl Sight {
         let planes =
             [wide * w + x, wide * w - x, high * w + y, high * w - y, depth - dvec4(0.0, 0.0, 0.0, view.near())]
                 .map(unit);
-        Sight { eye, tau: threshold / (view.focal(extent[1] as f64) * per_unit), planes }
+        let tau = threshold / (view.focal(extent[1] as f64) * per_unit);
+        Sight { eye, tau, planes, radius_scale: style.radius_scale as f64 }
     }
 
     /// As the point-by-point test takes it.
@@ -65,14 +63,14 @@ impl Sight {
         (to.length() - 2.0 * rounding).max(0.0)
     }
 
-    /// Whether nothing within `reach` of the box can be seen.
+    /// Whether no splat with its centre in the box and a radius of at most `reach` can be seen.
     pub fn misses(&self, min: Vec3, max: Vec3, reach: f32) -> bool {
         let (min, max) = (min.as_dvec3(), max.as_dvec3());
         self.planes.iter().any(|plane| {
             let n = plane.truncate();
             let most = DVec3::select(n.cmpge(DVec3::ZERO), max, min);
             // A plane through nothing (a picture that a transform flattens) hides nothing.
-            n.dot(most) + plane.w < -(reach as f64) - 1e-6 * most.length()
+            n.dot(most) + plane.w < -(reach as f64 * self.radius_scale) - 1e-6 * most.length()
         })
     }
 }

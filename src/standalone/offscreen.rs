@@ -47,6 +47,8 @@ pub struct FrameTimes {
 pub struct Offscreen {
     /// The renderer; clouds are added to it directly.
     pub renderer: Renderer,
+    /// See [`FrameInput::keep_lists`]; off at first.
+    pub keep_lists: bool,
     context: Context,
     color: Image,
     depth: Option<Image>,
@@ -123,7 +125,7 @@ impl Offscreen {
         })();
         match made {
             Ok((depth, renderer, cmd)) => {
-                Ok(Offscreen { renderer, context, color, depth, extent, cmd, frame: 0, standalone })
+                Ok(Offscreen { renderer, keep_lists: false, context, color, depth, extent, cmd, frame: 0, standalone })
             }
             Err(e) => {
                 color.destroy(&mut context);
@@ -169,6 +171,7 @@ impl Offscreen {
             style: shot.style,
             host_depth: None,
             count: shot.count,
+            keep_lists: self.keep_lists,
         };
         let (renderer, context) = (&mut self.renderer, &self.context);
         let (color, depth, extent) = (&mut self.color, &mut self.depth, self.extent);

@@ -46,6 +46,27 @@ pub struct Block {
     pub radius: f32,
 }
 
+impl Block {
+    /// Bounds of consecutive blocks together; of no point at all where there is none.
+    pub fn around(blocks: &[Block]) -> Block {
+        let mut all = Block { first: 0, count: 0, min: Vec3::INFINITY, max: Vec3::NEG_INFINITY, radius: 0.0 };
+        all.first = blocks.first().map_or(0, |b| b.first);
+        for block in blocks {
+            all.count += block.count;
+            // A block of nothing that can be drawn has no box.
+            if block.radius > 0.0 {
+                all.min = all.min.min(block.min);
+                all.max = all.max.max(block.max);
+                all.radius = all.radius.max(block.radius);
+            }
+        }
+        if all.min.x > all.max.x {
+            (all.min, all.max) = (Vec3::ZERO, Vec3::ZERO);
+        }
+        all
+    }
+}
+
 impl Flat {
     /// Packs a cloud.
     ///
@@ -72,14 +93,8 @@ impl Flat {
 
     /// Two opposite corners of the centres' box, relative to the origin; both 0 without points.
     pub fn bounds(&self) -> [DVec3; 2] {
-        if self.is_empty() {
-            return [DVec3::ZERO; 2];
-        }
-        let (min, max) = self
-            .blocks
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), block| (low.min(block.min), high.max(block.max)));
-        [min.as_dvec3(), max.as_dvec3()]
+        let all = Block::around(&self.blocks);
+        [all.min.as_dvec3(), all.max.as_dvec3()]
     }
 
     /// Number of points.

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod arrange;
+pub mod cloud;
 pub mod flat;
 pub mod groups;
 mod morton;
@@ -9,6 +10,7 @@ pub mod nodes;
 pub mod octahedral;
 
 pub use arrange::Arrangement;
+pub use cloud::Cloud;
 pub use flat::Flat;
 pub use groups::Groups;
 pub use nodes::{Node, Nodes};

@@ -50,6 +50,7 @@ fn the_page_lists_every_command() {
                 style: &style,
                 host_depth: Some(HostDepth { view: depth.view, layout: vk::ImageLayout::DEPTH_READ_ONLY_OPTIMAL }),
                 count: true,
+                keep_lists: false,
             };
             engine.begin(cmd);
             host_table::take_commands();

@@ -155,9 +155,9 @@ fn uploads_without_room_wait() {
             engine.wait(id);
             recorded.map(|()| renderer.retire(id).expect("statistics").remove(0).points_submitted)
         };
-        // Targets take 4, a slot 3, a chunk of geometry, normals, colours and groups with its staging 5: room for one chunk.
+        // Targets take 4, a slot 4, a chunk of geometry, normals, colours and groups with its staging 5: room for one chunk.
         let used = ledger.lock().unwrap().calls;
-        ledger.lock().unwrap().fail_at = Some(used + 4 + 3 + 5 + 1);
+        ledger.lock().unwrap().fail_at = Some(used + 4 + 4 + 5 + 1);
         assert_eq!(frame(&mut renderer).expect("the first cloud fits"), 60);
         // Nothing more fits: an error, and no harm.
         assert!(matches!(frame(&mut renderer), Err(Error::OutOfDeviceMemory { .. })));

@@ -257,6 +257,7 @@ fn a_frame_may_end_after_prepare() {
             style: &style,
             host_depth: None,
             count: true,
+            keep_lists: false,
         };
         // SAFETY: recording outside a pass; ids grow.
         unsafe { renderer.prepare(cmd, &input) }.expect("prepare");

@@ -264,6 +264,7 @@ impl Target {
             style: frame.style,
             host_depth: lent.map(|d| HostDepth { view: d.view, layout: vk::ImageLayout::DEPTH_READ_ONLY_OPTIMAL }),
             count: true,
+            keep_lists: false,
         };
         // SAFETY: recording outside a pass; ids grow; the depth is in its layout and visible, as `opaque` leaves it.
         unsafe {

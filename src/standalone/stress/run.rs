@@ -9,11 +9,11 @@ use crate::error::Result;
 use crate::host::Instance;
 use crate::readback::Picture;
 use crate::reference::{self, MARGIN_F32};
-use crate::select::{DepthConvention, DrawList};
+use crate::select::{DepthConvention, DrawList, Sight, cut};
 use crate::standalone::{Offscreen, Shot};
 use crate::stats::FrameStats;
-use crate::structure::Flat;
 use crate::structure::groups::{Groups, Relax};
+use crate::structure::{Cloud, Flat};
 use crate::technique::Blend;
 
 /// How a case ended.
@@ -79,10 +79,13 @@ pub fn draw(off: &mut Offscreen, case: &Case) -> Result<Picture> {
 /// The reference's picture of a case, with the ties of f32.
 pub fn reference(case: &Case) -> Result<reference::Picture> {
     let (take, [width, height]) = (&case.take, case.size);
-    let flat = flat(take)?;
+    let flat = Arc::new(flat(take)?);
+    let mut list = DrawList::default();
+    let sight = Sight::new(&take.view, case.size, &take.transform, flat.origin, &take.style);
+    cut::cut(&Cloud::Flat(Arc::clone(&flat)), &sight, &take.style, false, 0, &mut list);
     let scene = reference::Scene {
         instances: &[reference::Instance { flat: &flat, transform: take.transform }],
-        list: &DrawList::all([flat.len() as u32]),
+        list: &list,
         view: &take.view,
         width,
         height,

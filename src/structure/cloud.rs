@@ -1,0 +1,49 @@
+//! A cloud in whichever structure: one array of points, and what says which of them a view needs.
+
+use std::sync::Arc;
+
+use super::{Flat, Nodes};
+use crate::technique::Structure;
+
+/// What a renderer takes in. Cheap to copy.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub enum Cloud {
+    /// Every point is drawn, in stored order.
+    Flat(Arc<Flat>),
+}
+
+impl Cloud {
+    /// All points that any view may need, in stored order.
+    pub fn flat(&self) -> &Flat {
+        match self {
+            Cloud::Flat(flat) => flat,
+        }
+    }
+
+    /// What is tested point by point, if anything is.
+    pub fn nodes(&self) -> Option<&Nodes> {
+        match self {
+            Cloud::Flat(_) => None,
+        }
+    }
+
+    /// The value on the axis of structures.
+    pub fn structure(&self) -> Structure {
+        match self {
+            Cloud::Flat(_) => Structure::Flat,
+        }
+    }
+}
+
+impl From<Arc<Flat>> for Cloud {
+    fn from(flat: Arc<Flat>) -> Cloud {
+        Cloud::Flat(flat)
+    }
+}
+
+impl From<Flat> for Cloud {
+    fn from(flat: Flat) -> Cloud {
+        Cloud::Flat(Arc::new(flat))
+    }
+}
