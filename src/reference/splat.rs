@@ -212,7 +212,7 @@ impl<'a> Setup<'a> {
 impl Setup<'_> {
     /// What the fragments of point `number` carry; `splat` is what it became.
     pub fn look(&self, number: u32, splat: &Splat) -> Look {
-        let (object, index) = self.find(number);
+        let (object, index, _) = self.find(number);
         let viewer = self.camera.towards_viewer(splat.p);
         let cosine = splat.n.dot(viewer);
         // The low-pass spreads a splat over ρ pixels of its plane, tan θ times as deep as wide (83° at most): that is
