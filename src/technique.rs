@@ -6,8 +6,23 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Structure {
-    /// One array in stored order.
+    /// One array in stored order, all of it drawn (OneVBO in the comparison of unprocessed scans, 2006).
     Flat,
+    /// A point tree as a list, tested point by point by its error (Dachsbacher, Vogelgsang, Stamminger: Sequential Point
+    /// Trees, 2003).
+    Sequential,
+    /// The same by the size of cells (OneSPT, 2006).
+    OneSpt,
+    /// Blocks of points in an octree (VBOsR, 2006).
+    VboR,
+    /// Sequential lists in an octree (SPTsR, 2006).
+    SptR,
+    /// Blocks with averages and points by level (ESPTs, 2006).
+    Espt,
+    /// Blocks of original points by level (MOSPTs, 2006).
+    Mospt,
+    /// Blocks with points at the centres of cells, r³ to a cell (r-grids; 2006, section 3.2).
+    RGrid,
 }
 
 /// Which points of the structure are drawn.
@@ -139,7 +154,16 @@ macro_rules! names {
 
 pub(crate) use names;
 
-names!(Structure { Flat = "flat" });
+names!(Structure {
+    Flat = "flat",
+    Sequential = "sequential",
+    OneSpt = "one-spt",
+    VboR = "vbo-r",
+    SptR = "spt-r",
+    Espt = "espt",
+    Mospt = "mospt",
+    RGrid = "r-grid",
+});
 names!(Selection { Vertex = "vertex", Compute = "compute" });
 names!(Primitive { Point = "point", Quad = "quad" });
 names!(Order { Stored = "stored" });

@@ -11,8 +11,8 @@ use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
 use surfel::structure::Arrangement;
 use surfel::structure::groups::Relax;
-use surfel::style::{Ellipse, Front, SumPrecision, Voronoi};
-use surfel::technique::{Blend, Primitive, Structure};
+use surfel::style::{Ellipse, Front, Interval, SumPrecision, Voronoi};
+use surfel::technique::{Blend, Primitive, Selection, Structure};
 
 /// Renders point scans (LiDAR, photogrammetry, dense meshes) as elliptical Gaussian splats with Vulkan.
 #[derive(Debug, Parser)]
@@ -131,9 +131,16 @@ pub struct TechniqueArgs {
     /// How splats of one pixel become one colour [default: fuzzy, or opaque with `--radius px:N`].
     #[arg(long, value_name = "NAME", value_parser = axis(Blend::ALL))]
     pub blend: Option<Blend>,
-    /// Level of detail in pixels. The flat structure has none: nothing is left out.
-    #[arg(long, value_name = "PX", allow_negative_numbers = true, value_parser = parse::not_negative)]
+    /// Level of detail in pixels: how large the error, or the spacing, of what stands for finer points may be [default: 1].
+    /// The flat structure has none: nothing is left out.
+    #[arg(long, value_name = "PX", allow_negative_numbers = true, value_parser = parse::positive)]
     pub threshold: Option<f64>,
+    /// Where structures that are tested point by point are: in the vertex stage, or in a compute pass that compacts.
+    #[arg(long, value_name = "vertex|compute", default_value = "compute", value_parser = axis(Selection::ALL))]
+    pub selection: Selection,
+    /// For those structures: the exact test, or the published one, which draws some points along with their ancestors.
+    #[arg(long, value_name = "exact|published", default_value = "exact", value_parser = axis(Interval::ALL))]
+    pub interval: Interval,
     /// What is rasterised for a splat.
     #[arg(long, value_name = "point|quad", default_value = "point", value_parser = axis(Primitive::ALL))]
     pub primitive: Primitive,
@@ -158,6 +165,9 @@ pub struct StructureArgs {
     /// view of the picture.
     #[arg(long, value_name = "ORDER", default_value = "as-read", value_parser = axis(Arrangement::ALL))]
     pub storage: Arrangement,
+    /// For octrees: most points a block.
+    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..))]
+    pub block: u32,
     /// For groups: c, 0 to 1. Splats share a group where their centres are farther apart than c times the sum of their radii.
     #[arg(long, value_name = "C", default_value_t = Relax::default().factor, allow_negative_numbers = true, value_parser = parse::factor)]
     pub group_factor: f32,
@@ -178,10 +188,14 @@ pub struct LookArgs {
     /// What colours show [default: rgb, intensity or height, whichever the scan has first].
     #[arg(long, value_enum)]
     pub color: Option<ColorBy>,
-    /// Radius of splats: automatic, a length in the input's unit, a factor on the automatic one, or `px:N` for opaque
-    /// points of N pixels.
-    #[arg(long, value_name = "auto|VALUE|scale:S|px:N", default_value = "auto", allow_negative_numbers = true, value_parser = parse::radius)]
+    /// Radius of splats: automatic, a length in the input's unit, a factor on the automatic one, `angle:DEG` for a scanner's
+    /// angular step times the distance from it, or `px:N` for opaque points of N pixels.
+    #[arg(long, value_name = "auto|VALUE|scale:S|angle:DEG|px:N", default_value = "auto", allow_negative_numbers = true, value_parser = parse::radius)]
     pub radius: Radius,
+    /// Where the scanner stood, in the input's coordinates [default: as the file says]: normals are turned to it, and
+    /// `--radius angle:DEG` measures from it.
+    #[arg(long, value_name = "x,y,z", allow_hyphen_values = true, value_parser = parse::vector)]
+    pub scanner: Option<DVec3>,
     /// How far behind the front still is the same surface, in radii of the splat.
     #[arg(long, value_name = "REL", default_value = "1", allow_negative_numbers = true, value_parser = parse::positive)]
     pub tolerance: f64,

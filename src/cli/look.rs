@@ -48,7 +48,13 @@ pub fn technique(args: &TechniqueArgs, look: &LookArgs) -> Result<Technique, Usa
         }
         (_, blend) => blend.unwrap_or(Technique::default().blend),
     };
-    Ok(Technique { structure: args.structure, primitive: args.primitive, blend, ..Technique::default() })
+    Ok(Technique {
+        structure: args.structure,
+        selection: args.selection,
+        primitive: args.primitive,
+        blend,
+        ..Technique::default()
+    })
 }
 
 /// The light, and a sentence if it was chosen here.
@@ -95,8 +101,9 @@ pub fn up(args: &LensArgs, clouds: &[PointCloud]) -> (DVec3, bool, Option<String
 
 /// The style that the options ask for.
 pub fn style(technique: &TechniqueArgs, look: &LookArgs, shade: Shade) -> Style {
-    let TechniqueArgs { ellipse, sums, front, voronoi, .. } = *technique;
-    Style { ellipse, sums, front, voronoi, ..surface(look, shade) }
+    let TechniqueArgs { ellipse, sums, front, voronoi, interval, .. } = *technique;
+    let threshold = technique.threshold.map_or(Style::default().threshold, |px| px as f32);
+    Style { threshold, interval, ellipse, sums, front, voronoi, ..surface(look, shade) }
 }
 
 /// The style of the surface alone, whatever draws it.

@@ -1,6 +1,5 @@
 //! `surfel reference`: the picture that is right, in f64 on the processor. It needs no Vulkan.
 
-use std::borrow::Borrow;
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
@@ -11,8 +10,8 @@ use surfel::reference::{
     Instance, MARGIN_F32, MeshInstance, MeshScene, Picture, SAMPLES, Scene as Splats, Surface, ray_cast, render,
     supersampled,
 };
-use surfel::select::{DrawList, View};
-use surfel::structure::Flat;
+use surfel::select::{View, cut};
+use surfel::structure::Cloud;
 use surfel::style::Style;
 use surfel::technique::Technique;
 
@@ -36,7 +35,7 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
     let technique = look::technique(&args.picture.technique, &args.picture.look)?;
     let samples = samples(args.truth, args.samples)?;
     output::check(&args.picture.output)?;
-    structure::check(&args.picture.structure, technique.blend, args.picture.inputs.len())?;
+    structure::check(&args.picture.structure, &technique, args.picture.inputs.len())?;
     scene::readable(&args.picture.inputs, &[&args.picture.output])?;
     let [width, height] = args.picture.view.size;
     let pixels = width as u64 * height as u64;
@@ -60,9 +59,9 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
         rows.push(("triangles", grouped(triangles as u64)));
         mesh(&surfaces, &view, args.picture.view.size, &style, samples)
     } else {
-        let (flats, said) = structure::build(scene.pack(), &args.picture.structure, technique.blend, &view, &progress)?;
+        let (clouds, said) = structure::build(scene.pack(), &args.picture.structure, &technique, &view, &progress)?;
         assumed.extend(said);
-        let picture = splats(&flats, &view, args.picture.view.size, technique, &style, |scene| match args.truth {
+        let picture = splats(&clouds, &view, args.picture.view.size, technique, &style, |scene| match args.truth {
             TruthKind::Supersampled => supersampled(scene, samples),
             _ => render(scene, MARGIN_F32),
         });
@@ -134,16 +133,17 @@ pub fn mesh(surfaces: &[Surface], view: &View, [width, height]: [u32; 2], style:
 
 /// What `draw` makes of all points where their clouds are.
 pub fn splats(
-    flats: &[impl Borrow<Flat>],
+    clouds: &[Cloud],
     view: &View,
     [width, height]: [u32; 2],
     technique: Technique,
     style: &Style,
     draw: impl FnOnce(&Splats) -> Picture,
 ) -> Picture {
-    let list = DrawList::all(flats.iter().map(|flat| flat.borrow().len() as u32));
+    let placed: Vec<_> = clouds.iter().map(|cloud| (cloud, DMat4::IDENTITY)).collect();
+    let list = cut::drawn(&placed, view, [width, height], style);
     let instances: Vec<_> =
-        flats.iter().map(|flat| Instance { flat: flat.borrow(), transform: DMat4::IDENTITY }).collect();
+        clouds.iter().map(|cloud| Instance { flat: cloud.flat(), transform: DMat4::IDENTITY }).collect();
     let (instances, list) = (instances.as_slice(), &list);
     draw(&Splats { instances, list, view, width, height, technique, style, host_depth: None })
 }

@@ -2,14 +2,13 @@
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use glam::DMat4;
 
 use surfel::ash::vk;
 use surfel::standalone::{DeviceInfo, Layers, Offscreen, Options, Shot, Standalone};
-use surfel::technique::Technique;
+use surfel::technique::{Structure, Technique};
 use surfel::{CloudId, Instance};
 
 use super::args::RenderArgs;
@@ -25,7 +24,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     let pose = scene::pose(&args.picture.view)?;
     let technique = look::technique(&args.picture.technique, &args.picture.look)?;
     output::check(&args.picture.output)?;
-    structure::check(&args.picture.structure, technique.blend, args.picture.inputs.len())?;
+    structure::check(&args.picture.structure, &technique, args.picture.inputs.len())?;
     if let Some(path) = &args.stats {
         output::check(path)?;
         if output::place(path) == output::place(&args.picture.output) {
@@ -87,17 +86,17 @@ fn picture(
     let style = look::style(&args.picture.technique, &args.picture.look, scene.shade);
     let (points_input, mut assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
     let mut instances = Vec::new();
-    let (flats, said) = structure::build(scene.pack(), &args.picture.structure, technique.blend, &view, &progress)?;
+    let (clouds, said) = structure::build(scene.pack(), &args.picture.structure, &technique, &view, &progress)?;
     assumed.extend(said);
-    let layers = flats.iter().filter_map(|f| f.groups.as_ref()).map(|g| g.count).max().unwrap_or(0);
+    let layers = clouds.iter().filter_map(|c| c.flat().groups.as_ref()).map(|g| g.count).max().unwrap_or(0);
     if device.kind == "cpu" && layers > 0 {
         // Colour, front, normal, depth.
         let [width, height] = args.picture.view.size;
         let bytes = (width as u64 * height as u64).saturating_mul(layers as u64 * (16 + 8 + 16 + 4));
         memory::ensure(&format!("{layers} groups of a picture of {width}x{height}"), bytes)?;
     }
-    for flat in flats {
-        let cloud: CloudId = offscreen.renderer.add(Arc::new(flat))?;
+    for cloud in clouds {
+        let cloud: CloudId = offscreen.renderer.add(cloud)?;
         instances.push(Instance { cloud, transform: DMat4::IDENTITY });
     }
     let shot = Shot { view: &view, instances: &instances, technique, style: &style, count: false };
@@ -108,7 +107,7 @@ fn picture(
         output::picture(&args.picture.output, &output::float(picture, &view), args.picture.background)?;
     }
     let mut skipped = Vec::new();
-    if args.picture.technique.threshold.is_some() {
+    if args.picture.technique.threshold.is_some() && technique.structure == Structure::Flat {
         skipped.push(("threshold", "the flat structure has no level of detail: every point is drawn"));
     }
     if !args.validate {

@@ -124,6 +124,7 @@ fn complete(cloud: &mut PointCloud, radius: Radius, shade: Shade, by: ColorBy, b
         Radius::Auto => RadiusRule::Auto,
         Radius::Scale(scale) => RadiusRule::Scale(scale),
         Radius::Value(value) => RadiusRule::Value(value),
+        Radius::Angular(step) => RadiusRule::Angular(step),
         Radius::Pixels(_) => {
             // The size on the screen is given; the radius only says which points are splats at all.
             let any = (1e-3 * bounds.radius) as f32;

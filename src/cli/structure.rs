@@ -1,13 +1,14 @@
 //! What a renderer takes besides the points: the groups, and the order of storage.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Result, bail};
 
 use surfel::select::View;
 use surfel::structure::groups::Relax;
-use surfel::structure::{Arrangement, Flat, Groups};
-use surfel::technique::Blend;
+use surfel::structure::{Arrangement, Cloud, Flat, Groups, Octree, octree};
+use surfel::technique::{Blend, Structure, Technique};
 
 use super::args::StructureArgs;
 use super::progress::Progress;
@@ -15,10 +16,20 @@ use super::report::grouped;
 use super::{Usage, output};
 
 /// What can be refused before anything is read.
-pub fn check(args: &StructureArgs, blend: Blend, inputs: usize) -> Result<()> {
+pub fn check(args: &StructureArgs, technique: &Technique, inputs: usize) -> Result<()> {
+    if technique.structure != Structure::Flat && args.storage != Arrangement::AsRead {
+        return Err(Usage(format!(
+            "--storage is for --structure flat: {} has an order of its own",
+            technique.structure
+        ))
+        .into());
+    }
     let Some(path) = &args.groups else { return Ok(()) };
-    if blend != Blend::Groups {
+    if technique.blend != Blend::Groups {
         return Err(Usage("--groups is for --blend groups".into()).into());
+    }
+    if technique.structure != Structure::Flat {
+        return Err(Usage("--groups is for --structure flat".into()).into());
     }
     if inputs != 1 {
         return Err(Usage("--groups is for one input: every cloud has groups of its own".into()).into());
@@ -26,23 +37,69 @@ pub fn check(args: &StructureArgs, blend: Blend, inputs: usize) -> Result<()> {
     output::check(path)
 }
 
-/// Makes what the blend needs, then stores the points in the order that is asked for. Returns what there is to say.
+/// Makes what the technique needs, and stores the points in the order that is asked for. Returns what there is to say.
 pub fn build(
     flats: Vec<Flat>,
     args: &StructureArgs,
-    blend: Blend,
+    technique: &Technique,
     view: &View,
     progress: &Progress,
-) -> Result<(Vec<Flat>, Vec<String>)> {
+) -> Result<(Vec<Cloud>, Vec<String>)> {
     let mut said = Vec::new();
     let mut built = Vec::new();
+    let grouped = technique.blend == Blend::Groups;
     for mut flat in flats {
-        if blend == Blend::Groups {
+        if technique.structure != Structure::Flat {
+            let relax = grouped.then(|| relax(args));
+            let (cloud, sentence) = level(&flat, technique.structure, args, relax.as_ref(), progress)?;
+            said.push(sentence);
+            built.push(cloud);
+            continue;
+        }
+        if grouped {
             said.push(group(&mut flat, args, progress)?);
         }
-        built.push(arrange(flat, args.storage, view, progress));
+        built.push(arrange(flat, args.storage, view, progress).into());
     }
     Ok((built, said))
+}
+
+/// A structure with levels over a cloud, with groups where `relax` is given, and what there is to say of it.
+pub fn level(
+    flat: &Flat,
+    structure: Structure,
+    args: &StructureArgs,
+    relax: Option<&Relax>,
+    progress: &Progress,
+) -> Result<(Cloud, String)> {
+    let step = progress.step(format!("structure {structure}"), 1);
+    let octree = |preset| {
+        let options = octree::Options { block: args.block, ..octree::Options::new(preset) };
+        let mut tree = Octree::build(flat, &options);
+        if let Some(relax) = relax {
+            let levels = &tree.levels;
+            tree.flat.groups = Some(Groups::color_where(&tree.flat, relax, |a, b| levels[a].abs_diff(levels[b]) <= 1)?);
+        }
+        anyhow::Ok((tree.bytes(), tree.moved, Cloud::from(Arc::new(tree))))
+    };
+    let (bytes, moved, cloud) = match structure {
+        Structure::VboR => octree(octree::Preset::VboR)?,
+        Structure::Espt => octree(octree::Preset::Espt)?,
+        Structure::Mospt => octree(octree::Preset::Mospt)?,
+        Structure::RGrid => octree(octree::Preset::RGrid)?,
+        other => bail!("--structure {other}: not built here"),
+    };
+    drop(step);
+    let per_point = bytes as f64 / flat.len().max(1) as f64;
+    let mut said = format!("structure: {structure}, {per_point:.1} B a point");
+    if moved > 0.0 {
+        said += &format!(", points moved by at most {moved}");
+    }
+    Ok((cloud, said))
+}
+
+fn relax(args: &StructureArgs) -> Relax {
+    Relax { factor: args.group_factor, limit: args.group_limit, ..Relax::default() }
 }
 
 /// The points in another order, for a view where the order is for one.
@@ -56,7 +113,7 @@ pub fn arrange(flat: Flat, how: Arrangement, view: &View, progress: &Progress) -
 }
 
 fn group(flat: &mut Flat, args: &StructureArgs, progress: &Progress) -> Result<String> {
-    let relax = Relax { factor: args.group_factor, limit: args.group_limit, ..Relax::default() };
+    let relax = relax(args);
     let kept = args.groups.as_deref();
     let (groups, from) = match kept.filter(|path| path.exists()).map(|path| read(path, flat, &relax)).transpose()? {
         Some(groups) => (groups, "read"),

@@ -1,9 +1,11 @@
-//! What of a cloud a view submits.
+//! What of a cloud a view submits, and what of that is drawn.
 
-use super::{DrawList, Sight, Span};
+use glam::DMat4;
+
+use super::{DrawList, Sight, Span, View};
 use crate::structure::Cloud;
 use crate::structure::flat::Block;
-use crate::style::Style;
+use crate::style::{Interval, Style};
 
 /// Adds the spans of one instance to `list`: no work a point, what is tested point by point is left to others.
 /// `back_faces_culled`: what faces away is not drawn anyway.
@@ -15,6 +17,36 @@ pub fn cut(cloud: &Cloud, sight: &Sight, style: &Style, back_faces_culled: bool,
                 list.push(Span { instance, first: 0, count: flat.len() as u32, least: 0.0 });
             }
         }
+        Cloud::Octree(octree) => octree.select(sight, instance, list),
     }
     let _ = (style, back_faces_culled);
+}
+
+/// What a frame of these instances draws: the cut, and in it the points that pass where a structure is tested point by
+/// point. For the reference; the device finds the same.
+pub fn drawn(instances: &[(&Cloud, DMat4)], view: &View, extent: [u32; 2], style: &Style) -> DrawList {
+    let mut list = DrawList::default();
+    for (instance, (cloud, transform)) in (0..).zip(instances) {
+        let sight = Sight::new(view, extent, transform, cloud.flat().origin, style);
+        let mut submitted = DrawList::default();
+        cut(cloud, &sight, style, false, instance, &mut submitted);
+        let Some(nodes) = cloud.nodes() else {
+            submitted.spans.into_iter().for_each(|span| list.push(span));
+            continue;
+        };
+        let test = sight.test();
+        for span in submitted.spans {
+            for first in span.first..span.first + span.count {
+                let i = first as usize;
+                let selected = match style.interval {
+                    Interval::Exact => test.selects(nodes, i),
+                    Interval::Published => test.selects_published(nodes, i, cloud.flat().position(first)),
+                };
+                if selected {
+                    list.push(Span { first, count: 1, ..span });
+                }
+            }
+        }
+    }
+    list
 }

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::{Flat, Nodes};
+use super::octree::Preset;
+use super::{Flat, Nodes, Octree};
 use crate::technique::Structure;
 
 /// What a renderer takes in. Cheap to copy.
@@ -11,6 +12,8 @@ use crate::technique::Structure;
 pub enum Cloud {
     /// Every point is drawn, in stored order.
     Flat(Arc<Flat>),
+    /// Whole levels of blocks.
+    Octree(Arc<Octree>),
 }
 
 impl Cloud {
@@ -18,13 +21,14 @@ impl Cloud {
     pub fn flat(&self) -> &Flat {
         match self {
             Cloud::Flat(flat) => flat,
+            Cloud::Octree(octree) => &octree.flat,
         }
     }
 
     /// What is tested point by point, if anything is.
     pub fn nodes(&self) -> Option<&Nodes> {
         match self {
-            Cloud::Flat(_) => None,
+            Cloud::Flat(_) | Cloud::Octree(_) => None,
         }
     }
 
@@ -32,6 +36,12 @@ impl Cloud {
     pub fn structure(&self) -> Structure {
         match self {
             Cloud::Flat(_) => Structure::Flat,
+            Cloud::Octree(octree) => match octree.preset {
+                Preset::VboR => Structure::VboR,
+                Preset::Espt => Structure::Espt,
+                Preset::Mospt => Structure::Mospt,
+                Preset::RGrid => Structure::RGrid,
+            },
         }
     }
 }
@@ -45,5 +55,11 @@ impl From<Arc<Flat>> for Cloud {
 impl From<Flat> for Cloud {
     fn from(flat: Flat) -> Cloud {
         Cloud::Flat(Arc::new(flat))
+    }
+}
+
+impl From<Arc<Octree>> for Cloud {
+    fn from(octree: Arc<Octree>) -> Cloud {
+        Cloud::Octree(octree)
     }
 }

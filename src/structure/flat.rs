@@ -12,7 +12,7 @@ pub const BLOCK: usize = 1 << 14;
 const FARTHEST: f32 = 1e30;
 
 /// A cloud as the device keeps it: 16 B of geometry a point, 4 B more for each of normal and colour.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Flat {
     /// World position that the centres are relative to.
     pub origin: DVec3,
@@ -95,6 +95,12 @@ impl Flat {
     pub fn bounds(&self) -> [DVec3; 2] {
         let all = Block::around(&self.blocks);
         [all.min.as_dvec3(), all.max.as_dvec3()]
+    }
+
+    /// Centre of a point, relative to the origin.
+    pub fn position(&self, i: u32) -> Vec3 {
+        let [x, y, z, _] = self.geometry[i as usize];
+        Vec3::new(x, y, z)
     }
 
     /// Number of points.

@@ -8,9 +8,11 @@ pub mod groups;
 mod morton;
 pub mod nodes;
 pub mod octahedral;
+pub mod octree;
 
 pub use arrange::Arrangement;
 pub use cloud::Cloud;
 pub use flat::Flat;
 pub use groups::Groups;
 pub use nodes::{Node, Nodes};
+pub use octree::Octree;

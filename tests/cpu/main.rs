@@ -26,6 +26,7 @@ mod load_merge;
 mod load_ply;
 mod load_sample;
 mod load_synthetic;
+mod octree;
 mod reference_blends;
 mod reference_common;
 mod reference_fragments;

@@ -9,7 +9,7 @@ use surfel::exr::FloatPicture;
 use surfel::measure::Image;
 use surfel::reference::{SAMPLES, Surface, supersampled};
 use surfel::select::View;
-use surfel::structure::Flat;
+use surfel::structure::{Cloud, Flat};
 use surfel::style::Style;
 use surfel::technique::Technique;
 
@@ -59,7 +59,8 @@ impl Source {
         let picture = match self {
             Source::Mesh(surfaces) => reference::mesh(surfaces, view, [width, height], style, SAMPLES),
             Source::Points(flats) => {
-                reference::splats(flats, view, [width, height], Technique::TWO_PASS, style, |scene| {
+                let clouds: Vec<Cloud> = flats.iter().map(|flat| Arc::clone(flat).into()).collect();
+                reference::splats(&clouds, view, [width, height], Technique::TWO_PASS, style, |scene| {
                     supersampled(scene, SUPERSAMPLES)
                 })
             }

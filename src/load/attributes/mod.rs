@@ -29,6 +29,10 @@ pub enum RadiusRule {
     Value(f32),
     /// This times the automatic radius; finite and > 0.
     Scale(f32),
+    /// A scanner's angular step \[rad\] times the distance from where it stood, so that neighbours in its grid just cover
+    /// what lies across its rays (unprocessed scans, 2006, section 5, there by the farthest sample of a block). Without
+    /// a viewpoint as `Auto`, which the report says. Finite and > 0.
+    Angular(f32),
 }
 
 /// What [`complete`] may be told.
@@ -63,11 +67,13 @@ impl Default for Options<'_> {
 /// Positions must be finite, normals (where present) unit or zero, faces in range; at most 2²⁹ points.
 pub fn complete(cloud: &mut PointCloud, options: &Options) {
     let keep_radii = cloud.radii.is_some();
-    let value = match options.radius {
-        RadiusRule::Value(value) => Some(value),
-        _ => None,
+    let scanner = options.viewpoint.or(cloud.viewpoint);
+    let given = match options.radius {
+        RadiusRule::Value(_) => true,
+        RadiusRule::Angular(_) => scanner.is_some(),
+        RadiusRule::Auto | RadiusRule::Scale(_) => false,
     };
-    let (no_normals, no_radii) = (cloud.normals.is_none(), !keep_radii && value.is_none());
+    let (no_normals, no_radii) = (cloud.normals.is_none(), !keep_radii && !given);
     let faces = cloud.mesh.as_ref().is_some_and(|m| !m.triangles.is_empty());
     if faces {
         from_faces(cloud, options, no_normals, no_radii);
@@ -86,6 +92,15 @@ pub fn complete(cloud: &mut PointCloud, options: &Options) {
             }
             cloud.report.assume(format!("radii scaled by {scale}"));
         }
+        RadiusRule::Angular(step) => match scanner {
+            Some(scanner) => {
+                let from = scanner - cloud.origin;
+                let radius = |p: &Vec3| radii::usable((step as f64 * (p.as_dvec3() - from).length()) as f32);
+                cloud.radii = Some(cloud.positions.par_iter().map(radius).collect());
+                cloud.report.assume(format!("radii from the scanner's angular step of {step} rad"));
+            }
+            None => cloud.report.assume("where the scanner stood is not known: radii as if no angular step were given"),
+        },
     }
     if let Some(progress) = options.progress {
         progress(1.0);

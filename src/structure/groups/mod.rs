@@ -86,9 +86,19 @@ impl Groups {
     /// # Errors
     /// [`Error::Unsupported`] for a factor outside 0 to 1 or not a number, and for a limit outside 1 to 256.
     pub fn color(flat: &Flat, relax: &Relax) -> Result<Groups> {
+        Groups::color_where(flat, relax, |_, _| true)
+    }
+
+    /// The same where some pairs are never drawn together: only splats that `together` says may be must not share a group.
+    ///
+    /// # Errors
+    /// As [`Groups::color`].
+    pub fn color_where(flat: &Flat, relax: &Relax, together: impl Fn(usize, usize) -> bool + Sync) -> Result<Groups> {
         relax.check()?;
         let splats = Splats::new(flat, relax, |i| flat.geometry[i][3], |_| true);
-        let graph = Graph::new(&splats, relax.factor, |a, b| splats.conflict(a, b, relax));
+        let conflict =
+            |a, b| together(splats.index(a) as usize, splats.index(b) as usize) && splats.conflict(a, b, relax);
+        let graph = Graph::new(&splats, relax.factor, conflict);
         let mut coloring = color::Coloring::new(flat.len(), relax.limit);
         coloring.color(&splats, &graph, |_| true);
         let truncated = graph.truncated;

@@ -1,0 +1,181 @@
+//! Structures for unprocessed scans: blocks of points in an octree, cut by whole cells and levels (sequential point trees in
+//! a view-frustum-culled octree, 2006). One array of points, a small hierarchy on the processor, and no work a point there.
+//!
+//! A cell of side s may be one point where s ≤ τ · distance: projected spacing against the threshold. Cells that hold more
+//! than a block's points are *inner*; the others are *blocks*, drawn at one level each, the coarsest that suffices for
+//! their nearest point. What is drawn at a level gets at least its side as radius: a point a cell lies that far apart.
+//!
+//! | preset | a block holds | drawn at level L |
+//! |---|---|---|
+//! | VBOsR (4.1) | the points | all |
+//! | ESPTs (4.3) | averages by level, and the points by the level at which their cell holds no other | the averages of L, the points up to L |
+//! | MOSPTs (4.4) | the points alone: the one nearest a cell's centre stands for it | the points up to L |
+//! | r-grid (3.2) | as ESPTs, with r³ children a cell and every point at its cell's centre | as ESPTs |
+//!
+//! OneVBO is the flat array; OneSPT and SPTsR (3.3, 4.2) are tested point by point, see [`super::sequential`].
+
+mod build;
+
+use glam::Vec3;
+
+use super::Flat;
+use super::nodes::NONE;
+use crate::select::{DrawList, Sight, Span};
+use crate::technique::names;
+
+/// What a block holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Preset {
+    /// The points as they are.
+    VboR,
+    /// Averages and points, each by level.
+    Espt,
+    /// The points by level: each stands for a cell until its neighbours are drawn.
+    Mospt,
+    /// Averages and points at the centres of cells, by level.
+    RGrid,
+}
+
+names!(Preset { VboR = "vbo-r", Espt = "espt", Mospt = "mospt", RGrid = "r-grid" });
+
+/// How an octree is built.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// What blocks hold.
+    pub preset: Preset,
+    /// Most points a block, at least 1.
+    pub block: u32,
+    /// For [`Preset::RGrid`]: children along an edge of a cell, 2, 4 or 8.
+    pub r: u32,
+}
+
+impl Options {
+    /// At most 10,000 points a block, as published, and 4³ children in an r-grid.
+    pub fn new(preset: Preset) -> Options {
+        Options { preset, block: 10_000, r: 4 }
+    }
+}
+
+/// A cloud in blocks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Octree {
+    /// All points that may be drawn: first those that are in no block (averages of inner cells, and what no cell can hold),
+    /// then the averages of blocks, then the points, block by block.
+    pub flat: Flat,
+    /// What blocks hold.
+    pub preset: Preset,
+    /// Every cell before its descendants.
+    pub cells: Vec<Cell>,
+    /// Level of each point; 0 where there is none.
+    pub levels: Vec<u8>,
+    /// Points of the input.
+    pub points: u32,
+    /// How far a point was moved at most \[cloud units\]; 0 but for r-grids.
+    pub moved: f32,
+    /// Points at the start of `flat` that lie in no cell.
+    loose: u32,
+    blocks: Vec<Block>,
+    /// Ends of levels in the runs of blocks, counted from the run's start.
+    ends: Vec<u32>,
+    /// Side of the cells of each level.
+    sides: Vec<f32>,
+}
+
+/// A cell with points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cell {
+    /// Corner of the box of all that may be drawn for it.
+    pub min: Vec3,
+    /// Opposite corner.
+    pub max: Vec3,
+    /// Largest radius.
+    pub reach: f32,
+    /// Depth, 0 for the root.
+    pub level: u8,
+    /// Index of the next cell that is no descendant.
+    pub skip: u32,
+    /// The point that may stand for all.
+    pub represented_by: u32,
+    /// Index of the block; [`NONE`]: an inner cell.
+    block: u32,
+}
+
+/// Where the points of a cell without children lie.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Block {
+    points: Run,
+    averages: Run,
+}
+
+/// Consecutive points sorted by level.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Run {
+    /// First point.
+    first: u32,
+    /// Lowest level, and where in `ends` it ends.
+    base: u8,
+    table: u32,
+    /// Number of levels.
+    levels: u8,
+}
+
+impl Octree {
+    /// Adds the spans that a view needs of one instance.
+    pub fn select(&self, sight: &Sight, instance: u32, list: &mut DrawList) {
+        let mut push = |first, count, least| list.push(Span { instance, first, count, least });
+        push(0, self.loose, 0.0);
+        let mut at = 0;
+        while let Some(cell) = self.cells.get(at) {
+            let distance = sight.distance(cell.min, cell.max);
+            // What stands for others is as large as their spacing, which the farthest point may be given.
+            let least = sight.tau * (distance + (cell.max - cell.min).length() as f64);
+            let next = cell.skip as usize;
+            if sight.misses(cell.min, cell.max, cell.reach.max(least as f32)) {
+                at = next;
+                continue;
+            }
+            let spacing = sight.tau * distance;
+            let side = self.sides[cell.level as usize];
+            if side as f64 <= spacing {
+                push(cell.represented_by, 1, side);
+            } else if cell.block == NONE {
+                at += 1;
+                continue;
+            } else {
+                self.block(&self.blocks[cell.block as usize], spacing, &mut push);
+            }
+            at = next;
+        }
+    }
+
+    fn block(&self, block: &Block, spacing: f64, push: &mut impl FnMut(u32, u32, f32)) {
+        let Run { first, base, levels, .. } = block.points;
+        let deepest = base + levels - 1;
+        let level = self.sides.partition_point(|side| *side as f64 > spacing) as u8;
+        if level >= deepest {
+            push(first, self.up_to(&block.points, deepest), 0.0);
+            return;
+        }
+        let side = self.sides[level as usize];
+        let averages = &block.averages;
+        if averages.levels > 0 && level >= averages.base {
+            let before = if level == averages.base { 0 } else { self.up_to(averages, level - 1) };
+            push(averages.first + before, self.up_to(averages, level) - before, side);
+        }
+        push(first, self.up_to(&block.points, level), side);
+    }
+
+    /// Number of points of a run up to a level.
+    fn up_to(&self, run: &Run, level: u8) -> u32 {
+        match level.checked_sub(run.base) {
+            Some(above) if run.levels > 0 => self.ends[run.table as usize + above.min(run.levels - 1) as usize],
+            _ => 0,
+        }
+    }
+
+    /// Bytes that the arrays take; those of the points are on the device as well.
+    pub fn bytes(&self) -> u64 {
+        let cells = size_of_val(&self.cells[..]) + size_of_val(&self.blocks[..]) + size_of_val(&self.ends[..]);
+        self.flat.bytes() + cells as u64 + self.levels.len() as u64
+    }
+}

@@ -1,0 +1,195 @@
+//! Blocks of unprocessed scans: nothing lost, nothing twice, and a drawn point near every point that can be seen.
+
+use glam::{DMat4, DVec3, Vec3, dvec3};
+use surfel::select::{DepthConvention, DrawList, Sight, View};
+use surfel::structure::octree::{Options, Preset};
+use surfel::structure::{Flat, Octree};
+use surfel::style::Style;
+
+const PRESETS: [Preset; 4] = [Preset::VboR, Preset::Espt, Preset::Mospt, Preset::RGrid];
+
+/// Numbers that are the same everywhere, 0 to 1.
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as f64 / (1u64 << 31) as f64
+    }
+
+    fn vector(&mut self) -> DVec3 {
+        dvec3(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
+    }
+}
+
+fn flat(points: impl IntoIterator<Item = DVec3>, radius: f32) -> Flat {
+    let geometry: Vec<[f32; 4]> = points.into_iter().map(|p| [p.x as f32, p.y as f32, p.z as f32, radius]).collect();
+    let colors = Some((0..geometry.len() as u32).map(|i| i | 0xff00_0000).collect());
+    let mut cloud = Flat { geometry, colors, ..Flat::default() };
+    cloud.blocks = cloud.arranged(surfel::structure::Arrangement::AsRead, |_| 0.0).blocks;
+    cloud
+}
+
+/// A bumpy sphere, denser at one side, and some points in the air.
+fn scan(n: usize, seed: u64) -> Flat {
+    let mut random = Random(seed);
+    let surface = |random: &mut Random| {
+        let p = (random.vector() + dvec3(0.4, 0.0, 0.0)).normalize();
+        p * (1.0 + 0.1 * (7.0 * p.x).sin() * (5.0 * p.y).cos())
+    };
+    let points: Vec<DVec3> =
+        (0..n).map(|i| if i % 50 == 0 { 1.5 * random.vector() } else { surface(&mut random) }).collect();
+    flat(points, 0.01)
+}
+
+fn sight(eye: DVec3, target: DVec3, threshold: f32) -> Sight {
+    let view = View::look_at(eye, target, DVec3::Z, View::perspective(0.9, 1.0, 1e-3), DepthConvention::Reversed);
+    Sight::new(&view, [640, 640], &DMat4::IDENTITY, DVec3::ZERO, &Style { threshold, ..Style::default() })
+}
+
+fn options(preset: Preset) -> Options {
+    Options { block: 500, ..Options::new(preset) }
+}
+
+fn drawn(octree: &Octree, sight: &Sight) -> DrawList {
+    let mut list = DrawList::default();
+    octree.select(sight, 0, &mut list);
+    list
+}
+
+fn numbers(list: &DrawList) -> Vec<u32> {
+    list.spans.iter().flat_map(|s| s.first..s.first + s.count).collect()
+}
+
+/// What is drawn, each of the input's points by its colour: sorted.
+fn originals(octree: &Octree, numbers: &[u32]) -> Vec<u32> {
+    let colors = octree.flat.colors.as_ref().unwrap();
+    let mut found: Vec<u32> = numbers.iter().map(|&i| colors[i as usize] & 0x00ff_ffff).collect();
+    found.sort_unstable();
+    found
+}
+
+#[test]
+fn at_full_detail_every_point_is_drawn_once() {
+    let cloud = scan(20_000, 1);
+    for preset in [Preset::VboR, Preset::Espt, Preset::Mospt] {
+        let octree = Octree::build(&cloud, &options(preset));
+        let list = drawn(&octree, &sight(dvec3(6.0, 0.5, 0.2), DVec3::ZERO, 1e-6));
+        let all: Vec<u32> = (0..20_000).collect();
+        assert!(originals(&octree, &numbers(&list)) == all, "{preset}");
+        assert_eq!(list.spans.len(), 1, "{preset}: whole blocks are one run");
+    }
+}
+
+#[test]
+fn every_visible_point_has_a_drawn_one_within_its_spacing() {
+    let cloud = scan(20_000, 2);
+    let mut random = Random(3);
+    for preset in PRESETS {
+        let octree = Octree::build(&cloud, &options(preset));
+        let mut reduced = 0;
+        for view in 0..60 {
+            let eye = random.vector() * [0.3, 2.0, 8.0, 60.0][view % 4];
+            let target = eye + random.vector();
+            let threshold = [0.5, 2.0, 10.0][view % 3];
+            let sight = sight(eye, target, threshold);
+            let list = drawn(&octree, &sight);
+            let mut all = numbers(&list);
+            assert!(all.iter().all(|&i| (i as usize) < octree.flat.len()), "{preset}");
+            if matches!(preset, Preset::Espt | Preset::Mospt) {
+                assert!(all.len() <= cloud.len(), "{preset}");
+            }
+            reduced += (all.len() < cloud.len() / 2) as u32;
+            let places: Vec<Vec3> = all.iter().map(|&i| octree.flat.position(i)).collect();
+            all.sort_unstable();
+            assert!(all.windows(2).all(|w| w[0] < w[1]), "{preset}: nothing twice");
+            for i in (0..cloud.len() as u32).step_by(37) {
+                let p = cloud.position(i);
+                let inside = sight.planes.iter().all(|q| q.truncate().dot(p.as_dvec3()) + q.w > 0.0);
+                if inside {
+                    // A cell of side s ≤ τ r holds both; a grid moves a point within its cell.
+                    let within = 3f64.sqrt() * sight.tau * (p.as_dvec3() - eye).length() + octree.moved as f64;
+                    let nearest = places.iter().map(|q| q.distance(p)).fold(f32::INFINITY, f32::min);
+                    assert!(nearest as f64 <= within * 1.001 + 1e-6, "{preset}, view {view}: {nearest} > {within}");
+                }
+            }
+        }
+        assert!(reduced > 20, "{preset}: only {reduced} views show less than half the points");
+    }
+}
+
+#[test]
+fn what_stands_for_others_is_as_large_as_their_spacing() {
+    let cloud = scan(20_000, 4);
+    for preset in PRESETS {
+        let octree = Octree::build(&cloud, &options(preset));
+        let sight = sight(dvec3(40.0, 0.0, 0.0), DVec3::ZERO, 4.0);
+        let spacing = sight.tau * 42.0;
+        let list = drawn(&octree, &sight);
+        let least: Vec<f32> = list.spans.iter().map(|s| s.least).filter(|l| *l > 0.0).collect();
+        // VBOsR has only whole blocks and what stands for one.
+        assert!(preset == Preset::VboR || !least.is_empty(), "{preset}");
+        assert!(least.iter().all(|l| (*l as f64) <= spacing && *l as f64 > spacing / 20.0), "{preset}: {least:?}");
+    }
+}
+
+#[test]
+fn nothing_outside_the_picture_is_submitted() {
+    let cloud = scan(20_000, 5);
+    for preset in PRESETS {
+        let octree = Octree::build(&cloud, &options(preset));
+        assert_eq!(drawn(&octree, &sight(dvec3(6.0, 0.0, 0.0), dvec3(12.0, 0.0, 0.0), 1.0)).submitted(), 0);
+        let part = drawn(&octree, &sight(dvec3(2.0, 0.0, 0.0), dvec3(2.0, 1.0, 0.0), 1e-6)).submitted();
+        assert!(part < cloud.len() as u64 / 4, "{preset}: {part}");
+    }
+}
+
+#[test]
+fn the_same_input_gives_the_same_bytes() {
+    let cloud = scan(30_000, 6);
+    for preset in PRESETS {
+        assert!(Octree::build(&cloud, &options(preset)) == Octree::build(&cloud, &options(preset)), "{preset}");
+    }
+}
+
+#[test]
+fn hard_inputs_lose_nothing() {
+    let mut random = Random(7);
+    let line = (0..5000).map(|i| dvec3(i as f64, 0.0, 0.0));
+    let plane: Vec<DVec3> = (0..5000).map(|_| random.vector() * dvec3(1.0, 1.0, 0.0)).collect();
+    let small: Vec<DVec3> = (0..5000).map(|_| random.vector() * 1e-6).collect();
+    let large: Vec<DVec3> = (0..5000).map(|_| random.vector() * 1e7).collect();
+    let mut broken = flat((0..5000).map(|_| random.vector()), 1.0);
+    broken.geometry[17][0] = f32::NAN;
+    broken.geometry[18][1] = f32::INFINITY;
+    broken.geometry[19][3] = f32::NAN;
+    broken.geometry[20][2] = 1e20;
+    let clouds = [
+        ("none", flat([], 1.0)),
+        ("one", flat([DVec3::ONE], 1.0)),
+        ("one place", flat(std::iter::repeat_n(DVec3::ONE, 100_000), 1.0)),
+        ("a line", flat(line, 1.0)),
+        ("a plane", flat(plane, 1.0)),
+        ("small", flat(small, 1e-8)),
+        ("large", flat(large, 1e5)),
+        ("broken", broken),
+    ];
+    for (name, cloud) in &clouds {
+        let [low, high] = cloud.bounds();
+        let middle = 0.5 * (low + high);
+        for preset in PRESETS {
+            let octree = Octree::build(cloud, &options(preset));
+            let away = dvec3(3.0, 0.1, 0.2) * (high - low).length().max(1.0);
+            let all = drawn(&octree, &sight(middle + away, middle, 1e-9));
+            // What lies at one place is one point at any threshold; a grid merges what it cannot tell apart.
+            if preset != Preset::RGrid && (low != high || cloud.len() == 1) {
+                let found = originals(&octree, &numbers(&all));
+                assert!(found == (0..cloud.len() as u32).collect::<Vec<_>>(), "{name}, {preset}");
+            }
+            assert!(cloud.is_empty() || all.submitted() > 0, "{name}, {preset}");
+            assert!(octree.cells.iter().all(|c| c.level <= 21), "{name}, {preset}");
+            drawn(&octree, &sight(middle, middle + DVec3::X, 1.0));
+            drawn(&octree, &sight(middle + 1e3 * away, middle, 8.0));
+        }
+    }
+}
