@@ -1,4 +1,4 @@
-//! The two parallel shapes that loading and structures need. Without `preprocess` they run on the caller's thread; results are the
+//! The parallel shapes that loading and structures need. Without `preprocess` they run on the caller's thread; results are the
 //! same bytes either way, because every item writes a place of its own.
 
 /// `f` of every item, in order.
@@ -23,6 +23,17 @@ pub(crate) fn fill<T: Send>(out: &mut [T], block: usize, f: impl Fn(usize, &mut 
     for (i, items) in out.chunks_mut(block).enumerate() {
         f(i * block, items);
     }
+}
+
+/// Sorts. Items that tie must be the same, or which comes first is chance.
+pub(crate) fn sort<T: Ord + Send>(items: &mut [T]) {
+    #[cfg(feature = "preprocess")]
+    {
+        use rayon::prelude::*;
+        items.par_sort_unstable();
+    }
+    #[cfg(not(feature = "preprocess"))]
+    items.sort_unstable();
 }
 
 /// How many items of [`map`] can run at once.
