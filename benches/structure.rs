@@ -2,7 +2,7 @@
 //!
 //! `attributes`: normals, orientation and radii of a noisy surface whose density falls 100 : 1, as scans' does; the
 //! copy of the positions is not timed. `neighbours`: its search alone. `mesh`: the same from faces. `groups`: overlap graph
-//! and colouring for several c.
+//! and colouring for several c. `sequential`: the point tree and its list, from points in any order.
 
 use std::hint::black_box;
 
@@ -12,7 +12,8 @@ use surfel::load::attributes::neighbours::Tree;
 use surfel::load::attributes::{Options, complete};
 use surfel::load::{Mesh, PointCloud, synthetic};
 use surfel::structure::groups::{Groups, Relax};
-use surfel::structure::{Arrangement, Flat};
+use surfel::structure::sequential::Options as TreeOptions;
+use surfel::structure::{Arrangement, Flat, Sequential};
 
 /// z = 5 sin(x/10) cos(7y/100) over 100 × 100, with noise of ± 0.025; x = 100 a³ for a uniform in [0, 1).
 fn surface(n: usize) -> PointCloud {
@@ -116,5 +117,21 @@ fn groups(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, attributes, neighbours, groups);
+fn sequential(c: &mut Criterion) {
+    let flat = Flat::new(&synthetic::scene("torus", 1_000_000, 1).expect("a torus"));
+    let flat = flat.arranged(Arrangement::Random, |_| 0.0);
+    let mut group = c.benchmark_group("sequential");
+    group.sample_size(10).throughput(Throughput::Elements(flat.len() as u64));
+    for (name, clusters) in [("torus 1M", false), ("torus 1M, clusters", true)] {
+        let options = TreeOptions { clusters, ..TreeOptions::default() };
+        let build = || Sequential::build(&flat, &options);
+        let made = build();
+        println!("{name}: {} inner nodes, {} B on the device", made.nodes.nodes.len(), made.bytes());
+        assert!(made.flat.len() == flat.len() + made.nodes.nodes.len());
+        group.bench_function(name, |b| b.iter(|| black_box(build())));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, attributes, neighbours, groups, sequential);
 criterion_main!(benches);

@@ -3,12 +3,14 @@
 
 pub mod arrange;
 pub mod cloud;
+mod file;
 pub mod flat;
 pub mod groups;
 mod morton;
 pub mod nodes;
 pub mod octahedral;
 pub mod octree;
+pub mod sequential;
 
 pub use arrange::Arrangement;
 pub use cloud::Cloud;
@@ -16,3 +18,4 @@ pub use flat::Flat;
 pub use groups::Groups;
 pub use nodes::{Node, Nodes};
 pub use octree::Octree;
+pub use sequential::Sequential;

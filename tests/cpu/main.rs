@@ -38,3 +38,6 @@ mod reference_rounding;
 mod reference_sensitivity;
 mod reference_supersampled;
 mod reference_truth;
+mod sequential;
+mod sequential_file;
+mod sequential_views;

@@ -1,42 +1,18 @@
 //! Groups in a file, so that they are made once. The layout is in docs/FORMAT.md.
 
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Read, Write};
+use std::io::{BufReader, Read, Write};
 use std::path::Path;
 
 use super::{Groups, Relax};
 use crate::error::{Error, Place, Result};
 use crate::structure::Flat;
+use crate::structure::file::{Fnv, Input, fingerprint, save};
 
 const MAGIC: &[u8; 8] = b"surfelGR";
 const VERSION: u32 = 1;
 /// Bytes before the groups.
 const HEADER: usize = 72;
-
-/// FNV-1a, 64 bits: any altered byte alters it, since every step is reversible.
-#[derive(Clone, Copy)]
-struct Fnv(u64);
-
-impl Fnv {
-    const NEW: Fnv = Fnv(0xcbf2_9ce4_8422_2325);
-
-    fn add(&mut self, bytes: &[u8]) {
-        for &b in bytes {
-            self.0 = (self.0 ^ b as u64).wrapping_mul(0x0100_0000_01b3);
-        }
-    }
-}
-
-/// Changes with all that a colouring depends on.
-fn fingerprint(flat: &Flat) -> u64 {
-    let mut hash = Fnv::NEW;
-    hash.add(bytemuck::cast_slice(&flat.geometry));
-    for stream in [&flat.normals, &flat.colors] {
-        hash.add(&[stream.is_some() as u8]);
-        hash.add(bytemuck::cast_slice(stream.as_deref().unwrap_or_default()));
-    }
-    hash.0
-}
 
 impl Groups {
     /// The header: little-endian, in this order.
@@ -71,7 +47,7 @@ impl Groups {
     ///
     /// Nothing is allocated for more points than `flat` has.
     pub fn read(from: &mut impl Read, name: &Path, flat: &Flat, relax: &Relax) -> Result<Option<Groups>> {
-        let mut input = Input { from, name, at: 0, hash: Fnv::NEW };
+        let mut input = Input::new(from, name);
         let mut header = [0; HEADER];
         input.fill(&mut header)?;
         let word = |i: usize| u32::from_le_bytes(std::array::from_fn(|k| header[8 + 4 * i + k]));
@@ -96,15 +72,7 @@ impl Groups {
             }
             rest -= part.len() as u64;
         }
-        let (sum, at) = (input.hash.0, input.at);
-        let mut said = [0; 8];
-        input.fill(&mut said)?;
-        if u64::from_le_bytes(said) != sum {
-            return Err(Error::data(name, Place::Byte(at), "the checksum differs: the file was altered"));
-        }
-        if input.more()? {
-            return Err(Error::data(name, Place::Byte(at + 8), "there is more after the end"));
-        }
+        input.finish()?;
         if let Some(i) = of.iter().position(|g| *g as u32 >= count) {
             return Err(Error::data(name, Place::Byte((HEADER + i) as u64), "a group beyond the last"));
         }
@@ -123,62 +91,12 @@ impl Groups {
 
     /// Writes a file: whole under its name, or not at all.
     pub fn save(&self, path: &Path, flat: &Flat, relax: &Relax) -> Result<()> {
-        let mut beside = path.as_os_str().to_owned();
-        beside.push(format!(".{}.part", std::process::id()));
-        let beside = Path::new(&beside);
-        let written = File::create(beside)
-            .and_then(|file| {
-                let mut to = BufWriter::new(file);
-                self.write(&mut to, flat, relax)?;
-                to.get_ref().sync_all()
-            })
-            .and_then(|()| std::fs::rename(beside, path));
-        written.map_err(|e| {
-            // What is left is of no use; that it cannot be removed changes nothing.
-            let _ = std::fs::remove_file(beside);
-            Error::io(path, e)
-        })
+        save(path, |to| self.write(to, flat, relax))
     }
 
     /// Reads a file; `None` where it is whole, but of another cloud or made with other options.
     pub fn load(path: &Path, flat: &Flat, relax: &Relax) -> Result<Option<Groups>> {
         let file = File::open(path).map_err(|e| Error::io(path, e))?;
         Groups::read(&mut BufReader::new(file), path, flat, relax)
-    }
-}
-
-struct Input<'a, R> {
-    from: &'a mut R,
-    name: &'a Path,
-    at: u64,
-    hash: Fnv,
-}
-
-impl<R: Read> Input<'_, R> {
-    fn fill(&mut self, to: &mut [u8]) -> Result<()> {
-        let mut done = 0;
-        while done < to.len() {
-            match self.from.read(&mut to[done..]) {
-                Ok(0) => {
-                    return Err(Error::data(self.name, Place::Byte(self.at + done as u64), "the file ends too early"));
-                }
-                Ok(n) => done += n,
-                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-                Err(e) => return Err(Error::io(self.name, e)),
-            }
-        }
-        self.hash.add(to);
-        self.at += to.len() as u64;
-        Ok(())
-    }
-
-    fn more(&mut self) -> Result<bool> {
-        loop {
-            match self.from.read(&mut [0]) {
-                Ok(n) => return Ok(n > 0),
-                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-                Err(e) => return Err(Error::io(self.name, e)),
-            }
-        }
     }
 }

@@ -1,0 +1,323 @@
+//! Sequential point trees (Dachsbacher, Vogelgsang, Stamminger: Sequential Point Trees, 2003): a tree of disks, kept as
+//! one list in which a view's cut is found point by point, without the tree.
+//!
+//! The tree is an octree over the points, chains of single children skipped. An inner node averages what is below it and
+//! has a disk that holds all disks below, and an [error](ErrorRule). An entry is in the cut of a view where it
+//! [passes](crate::structure::nodes::Test::passes) and its parent does not. The list is sorted by falling
+//! [key](Sequential::key), so the cut lies in a prefix.
+//!
+//! # One entry a path
+//!
+//! A path from the root to a leaf has exactly one entry in the cut where passing is inherited: leaves pass (e = 0), nothing
+//! stands for the root, and between them the first that passes is the only one whose parent does not. Errors are made so that
+//! for every eye and every τ ≤ τ_max a parent that passes implies its children. Let Δ = |p_c − p| for a child at p_c with
+//! error e_c, and r, r_c their distances from the eye, r_c ≥ r − Δ.
+//!
+//! *One error.* e ≥ e_c + τ_max Δ. Then e ≤ τ r gives e_c ≤ τ r − τ Δ ≤ τ r_c. Disks hold their children's, d ≥ d_c + 2 Δ,
+//! so neither this nor the errors need more than the diameter d (τ_max ≤ 1/2).
+//!
+//! *Split.* With v from eye to node, G(v) = e_p |v × n| + e_t |v · n|, a node passes where G(v) ≤ τ r² and
+//! A = √(e_p² + e_t²) ≤ K τ r ([`SPLIT_REACH`](crate::structure::nodes::SPLIT_REACH)). Let θ be the angle between the
+//! lines of the two normals. Seen along the parent's v, the child's error is that of a vector (e_t, e_p) turned by at most θ;
+//! the parent's components are at least the largest that such a turn makes of each, which bounds it in every direction
+//! between normal and plane. The child's own v differs by Δ, which adds at most A_c Δ ≤ K τ r Δ to G_c, and takes at most
+//! 2 τ r Δ from τ r². Both components are I = (K + 2) τ_max Δ larger, and |sin| + |cos| ≥ 1, so G(v) has I r to spare: enough.
+//! A ≥ A_c + I gives the second condition. Where A would be more than d, or there is no normal, or colours vary, the node has
+//! no direction: its normal is 0, and its error d from everywhere, in which case the argument is that of one error. By
+//! induction A ≤ d, since A_c + I ≤ d_c + 2 Δ ≤ d for τ_max ≤ 1/2.
+//!
+//! *Rounding.* The test is in single floats. Stored errors are rounded up by 2⁻¹⁷, more than it loses; e_t has e_p / 256 to
+//! spare, since the sine from 1 − cos² is only good to 10⁻³ near 0; and no error is less than 10⁻¹⁷. (Fourth powers of
+//! lengths leave the range of floats in `Split` below about 10⁻⁹ and beyond 10⁹ units: there, passing need not be
+//! inherited.)
+//!
+//! Without perspective all distances are 1, and the same holds for every τ. For τ > τ_max each path still has at least one
+//! entry in the cut: the first that passes has no parent that does.
+
+mod error;
+mod file;
+mod list;
+mod node;
+mod tree;
+
+use glam::Vec3;
+
+use crate::par;
+use crate::structure::Flat;
+use crate::structure::file::fingerprint;
+use crate::structure::flat::blocks;
+use crate::structure::nodes::{ErrorRule, NONE, Node, Nodes};
+
+pub use list::{CLUSTERS, Cone, List};
+use tree::Tree;
+
+/// Coordinates and radii beyond this have squares whose sums leave the range of floats.
+const FARTHEST: f32 = 1e15;
+
+/// How a tree is made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// What the errors are.
+    pub rule: ErrorRule,
+    /// Passing is inherited for τ = threshold / focal length up to this one, more than 0 and at most 1/2. Views with a
+    /// larger τ submit more.
+    pub tau_max: f32,
+    /// A list for each of [`CLUSTERS`] ranges of normals, so that those that face away are not submitted.
+    pub clusters: bool,
+    /// Spread of colours beyond which a node's error is its diameter: the largest difference of a leaf below it from its own
+    /// colour, in the worst channel, in linear light from 0 to 1. 1 and more: colours do not matter.
+    pub color_error: f32,
+    /// Errors over the disks of the children at face value, as published, which do not bound what is further below. Passing is
+    /// inherited all the same.
+    pub published_errors: bool,
+}
+
+impl Default for Options {
+    /// Geometric errors, τ_max = 1/32, one list, a spread of 0.1.
+    fn default() -> Self {
+        Options {
+            rule: ErrorRule::Geometric,
+            tau_max: 1.0 / 32.0,
+            clusters: false,
+            color_error: 0.1,
+            published_errors: false,
+        }
+    }
+}
+
+/// A sequential point tree.
+#[derive(Debug, Clone)]
+pub struct Sequential {
+    /// An entry a node, inner nodes (half the diameter for a radius) and leaves, list after list.
+    pub flat: Flat,
+    /// Errors.
+    pub nodes: Nodes,
+    /// Runs of `flat` that are sorted. What cannot be tested (a place that is no number or too far, no radius) is one of its
+    /// own, the first, and always submitted.
+    pub lists: Vec<List>,
+    /// Steps from the root, an entry each.
+    pub levels: Vec<u8>,
+    /// Points of the cloud: entries that are no inner nodes.
+    pub leaves: u32,
+    /// How it was made.
+    pub options: Options,
+    /// Fingerprint of the cloud that it was made of.
+    pub cloud: u64,
+}
+
+impl Sequential {
+    /// The tree of a cloud. Same input, same bytes, whatever the number of threads.
+    ///
+    /// At most 2³¹ − 1 points. Memory is in proportion to their number, about 150 B each at worst.
+    ///
+    /// # Panics
+    /// Where `tau_max` is out of its range.
+    pub fn build(flat: &Flat, options: &Options) -> Sequential {
+        assert!(options.tau_max > 0.0 && options.tau_max <= 0.5, "tau_max {}: 0 to 1/2", options.tau_max);
+        assert!(flat.len() < 1 << 31, "{} points: too many for a tree", flat.len());
+        let usable = |&[x, y, z, r]: &[f32; 4]| {
+            let p = Vec3::new(x, y, z).abs();
+            p.max_element() <= FARTHEST && p.is_finite() && r > 0.0 && r <= FARTHEST
+        };
+        let (leaves, odd): (Vec<u32>, Vec<u32>) =
+            (0..flat.len() as u32).partition(|&i| usable(&flat.geometry[i as usize]));
+        let tree = Tree::new(flat, leaves, options);
+        Entries { flat, options, tree, odd }.list()
+    }
+
+    /// Whether it is what [`build`](Self::build) makes of this cloud with these options: for what was
+    /// [loaded](Self::load).
+    pub fn is_of(&self, flat: &Flat, options: &Options) -> bool {
+        self.options == *options && self.leaves as usize == flat.len() && self.cloud == fingerprint(flat)
+    }
+
+    /// Bytes of the arrays that a device needs.
+    pub fn bytes(&self) -> u64 {
+        let links = size_of_val(&self.nodes.links[..]);
+        self.flat.bytes() + (links + size_of_val(&self.nodes.nodes[..])) as u64
+    }
+}
+
+/// A tree on its way into lists. Entries are numbered: leaves along the curve, inner nodes, odd points.
+struct Entries<'a> {
+    flat: &'a Flat,
+    options: &'a Options,
+    tree: Tree,
+    odd: Vec<u32>,
+}
+
+/// What an entry is.
+enum Entry {
+    Leaf(usize),
+    Inner(usize),
+    Odd(usize),
+}
+
+impl Entries<'_> {
+    fn entry(&self, id: u32) -> Entry {
+        let (id, leaves, inner) = (id as usize, self.tree.leaves.len(), self.tree.inner.len());
+        match id {
+            _ if id < leaves => Entry::Leaf(id),
+            _ if id < leaves + inner => Entry::Inner(id - leaves),
+            _ => Entry::Odd(id - leaves - inner),
+        }
+    }
+
+    fn geometry(&self, id: u32) -> [f32; 4] {
+        match self.entry(id) {
+            Entry::Leaf(i) => self.flat.geometry[self.tree.leaves[i] as usize],
+            Entry::Odd(i) => self.flat.geometry[self.odd[i] as usize],
+            Entry::Inner(i) => {
+                let inner = &self.tree.inner[i];
+                let [x, y, z] = inner.node.position;
+                [x, y, z, inner.radius]
+            }
+        }
+    }
+
+    fn parent(&self, id: u32) -> u32 {
+        match self.entry(id) {
+            Entry::Leaf(i) => self.tree.parents[i],
+            Entry::Inner(i) => self.tree.inner[i].parent,
+            Entry::Odd(_) => NONE,
+        }
+    }
+
+    /// One of the four bytes an entry has: of the cloud's points, or of an inner node.
+    fn word(&self, id: u32, points: &[u32], inner: impl Fn(&node::Inner) -> u32) -> u32 {
+        match self.entry(id) {
+            Entry::Leaf(i) => points[self.tree.leaves[i] as usize],
+            Entry::Odd(i) => points[self.odd[i] as usize],
+            Entry::Inner(i) => inner(&self.tree.inner[i]),
+        }
+    }
+
+    fn level(&self, id: u32) -> u8 {
+        match self.parent(id) {
+            NONE => 0,
+            parent => self.tree.inner[parent as usize].level + 1,
+        }
+    }
+
+    /// The same of every entry in this order.
+    fn each<T: Copy + Default + Send>(&self, order: &[u32], f: impl Fn(u32) -> T + Sync + Send) -> Vec<T> {
+        let mut out = vec![T::default(); order.len()];
+        par::fill(&mut out, 1 << 14, |first, items| {
+            items.iter_mut().zip(&order[first..]).for_each(|(item, &id)| *item = f(id));
+        });
+        out
+    }
+
+    /// Entries with their keys' places, largest first; ties by number.
+    fn keys(&self) -> Vec<u64> {
+        let tree = &self.tree;
+        let nodes = Nodes {
+            links: Vec::new(),
+            nodes: tree.inner.iter().map(|i| i.node).collect(),
+            rule: self.options.rule,
+            tau_max: self.options.tau_max,
+        };
+        let ids: Vec<u32> = (0..(tree.leaves.len() + tree.inner.len()) as u32).collect();
+        self.each(&ids, |id| {
+            let [x, y, z, _] = self.geometry(id);
+            // Bits of floats from 0 are in their order.
+            let key = list::key(&nodes, self.parent(id), Vec3::new(x, y, z));
+            (!key.to_bits() as u64) << 32 | id as u64
+        })
+    }
+
+    fn list(self) -> Sequential {
+        let inner = self.tree.inner.len();
+        let odd_first = (self.tree.leaves.len() + inner) as u32;
+        let mut order: Vec<u32> = (odd_first..odd_first + self.odd.len() as u32).collect();
+        let mut ends = vec![order.len()];
+        let keys = self.keys();
+        let mut runs = vec![Vec::new(); if self.options.clusters { CLUSTERS + 1 } else { 0 }];
+        match &self.flat.normals {
+            Some(normals) if self.options.clusters => {
+                for &key in &keys {
+                    let normal = self.word(key as u32, normals, |inner| inner.normal);
+                    runs[list::cluster(normal)].push(key);
+                }
+            }
+            _ => runs = vec![keys],
+        }
+        for mut run in runs {
+            par::sort(&mut run);
+            order.extend(run.into_iter().map(|key| key as u32));
+            ends.push(order.len());
+        }
+
+        // Inner nodes are numbered anew, as the list has them.
+        let mut places = vec![NONE; inner];
+        let mut nodes = Vec::with_capacity(inner);
+        for &id in &order {
+            if let Entry::Inner(i) = self.entry(id) {
+                places[i] = nodes.len() as u32;
+                nodes.push(self.tree.inner[i].node);
+            }
+        }
+        let place = |i: u32| if i == NONE { NONE } else { places[i as usize] };
+        let links = self.each(&order, |id| {
+            let own = if let Entry::Inner(i) = self.entry(id) { places[i] } else { NONE };
+            [own, place(self.parent(id))]
+        });
+        let geometry = self.each(&order, |id| self.geometry(id));
+        let stream = |points: &Option<Vec<u32>>, f: fn(&node::Inner) -> u32| {
+            points.as_ref().map(|points| self.each(&order, |id| self.word(id, points, f)))
+        };
+        let flat = Flat {
+            origin: self.flat.origin,
+            blocks: blocks(&geometry),
+            geometry,
+            normals: stream(&self.flat.normals, |inner| inner.normal),
+            colors: stream(&self.flat.colors, |inner| inner.color),
+            closed: self.flat.closed,
+            groups: None,
+        };
+        let lists = lists(&flat, &links, &nodes, &ends, self.odd.len());
+        Sequential {
+            levels: self.each(&order, |id| self.level(id)),
+            nodes: Nodes { links, nodes, rule: self.options.rule, tau_max: self.options.tau_max },
+            leaves: self.flat.len() as u32,
+            options: *self.options,
+            cloud: fingerprint(self.flat),
+            flat,
+            lists,
+        }
+    }
+}
+
+/// What is known of each run of entries; the first `odd` have no place in any box.
+fn lists(flat: &Flat, links: &[[u32; 2]], nodes: &[Node], ends: &[usize], odd: usize) -> Vec<List> {
+    let mut first = 0;
+    let mut lists = Vec::new();
+    for &end in ends {
+        let run = std::mem::replace(&mut first, end)..end;
+        if run.is_empty() {
+            continue;
+        }
+        let mut list = List {
+            first: run.start as u32,
+            count: run.len() as u32,
+            min: Vec3::NEG_INFINITY,
+            max: Vec3::INFINITY,
+            reach: 0.0,
+            cone: None,
+        };
+        if run.start >= odd {
+            (list.min, list.max) = (list.max, list.min);
+            for i in run.clone() {
+                let [x, y, z, r] = flat.geometry[i];
+                let p = Vec3::new(x, y, z);
+                let q = links[i][1];
+                let q = if q == NONE { p } else { Vec3::from(nodes[q as usize].position) };
+                (list.min, list.max) = (list.min.min(p.min(q)), list.max.max(p.max(q)));
+                list.reach = list.reach.max(r);
+            }
+            list.cone = flat.normals.as_ref().and_then(|normals| list::cone(&normals[run]));
+        }
+        lists.push(list);
+    }
+    lists
+}

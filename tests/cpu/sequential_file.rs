@@ -1,0 +1,125 @@
+//! Sequential point trees in files: whole, or a clear error.
+
+use std::path::{Path, PathBuf};
+
+use surfel::Error;
+use surfel::structure::nodes::ErrorRule;
+use surfel::structure::sequential::Options;
+use surfel::structure::{Flat, Sequential};
+
+use crate::folder::Folder;
+use crate::groups::soup;
+
+fn made() -> (Flat, Options, Vec<u8>) {
+    let (flat, options) =
+        (soup(40, 0.3, 2.0, 2), Options { rule: ErrorRule::Split, clusters: true, ..Options::default() });
+    (flat.clone(), options, bytes(&Sequential::build(&flat, &options)))
+}
+
+fn bytes(tree: &Sequential) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    tree.write(&mut bytes).expect("memory");
+    bytes
+}
+
+fn read(mut bytes: &[u8]) -> Result<Sequential, Error> {
+    Sequential::read(&mut bytes, Path::new("a.tree"))
+}
+
+/// FNV-1a over all but the last eight bytes, put there.
+fn signed(mut bytes: Vec<u8>) -> Vec<u8> {
+    let end = bytes.len() - 8;
+    let step = |hash: u64, b: &u8| (hash ^ *b as u64).wrapping_mul(0x0100_0000_01b3);
+    let sum = bytes[..end].iter().fold(0xcbf2_9ce4_8422_2325, step);
+    bytes[end..].copy_from_slice(&sum.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn what_was_written_is_read() {
+    let (mut flat, options, _) = made();
+    flat.origin.x = 7.5;
+    flat.geometry[5][0] = f32::NAN;
+    let bare = Flat { normals: None, colors: None, closed: true, ..flat.clone() };
+    for (flat, options) in
+        [(&flat, options), (&bare, Options { clusters: false, ..options }), (&Flat::default(), options)]
+    {
+        let tree = Sequential::build(flat, &options);
+        let written = bytes(&tree);
+        let streams = [flat.normals.is_some(), flat.colors.is_some()].iter().filter(|s| **s).count();
+        let (n, inner) = (tree.flat.len(), tree.nodes.nodes.len());
+        let size = 72 + 52 * tree.lists.len() + 32 * inner + n * (8 + 16 + 4 * streams + 1) + 8;
+        assert_eq!(written.len(), size, "what docs/FORMAT.md says");
+        let back = read(&written).expect("whole");
+        assert_eq!(bytes(&back), written);
+        assert_eq!((&back.lists, &back.nodes, &back.levels), (&tree.lists, &tree.nodes, &tree.levels));
+        assert_eq!((back.flat.origin, back.flat.closed), (flat.origin, flat.closed));
+        assert_eq!((back.flat.blocks, back.options, back.leaves), (tree.flat.blocks, options, tree.leaves));
+    }
+}
+
+#[test]
+fn whose_it_is() {
+    let (flat, options, bytes) = made();
+    let tree = read(&bytes).expect("whole");
+    assert!(tree.is_of(&flat, &options));
+    let mut others = vec![flat.clone(); 3];
+    others[0].geometry[7][0] += 1e-6;
+    others[1].normals = None;
+    others[2].geometry.pop();
+    assert!(others.iter().all(|other| !tree.is_of(other, &options)));
+    assert!(!tree.is_of(&flat, &Options { tau_max: 0.1, ..options }));
+    assert!(!tree.is_of(&flat, &Options { published_errors: true, ..options }));
+}
+
+#[test]
+fn every_byte_counts() {
+    let (_, _, bytes) = made();
+    for at in 0..bytes.len() {
+        let error = read(&bytes[..at]).expect_err("cut short").to_string();
+        assert!(error.starts_with("a.tree at byte "), "cut at {at}: {error}");
+        for bit in [1, 0x80] {
+            let mut altered = bytes.clone();
+            altered[at] ^= bit;
+            assert!(read(&altered).is_err(), "byte {at} ^ {bit}");
+        }
+    }
+    let longer = [&bytes[..], &[0]].concat();
+    assert!(read(&longer).expect_err("longer").to_string().contains("after the end"));
+    // Counts that no memory holds: the file ends first.
+    for at in [28, 32, 36] {
+        let mut huge = bytes.clone();
+        huge[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+        assert!(read(&huge).expect_err("huge").to_string().contains("too early"));
+    }
+}
+
+#[test]
+fn a_right_checksum_is_not_enough() {
+    let (_, _, bytes) = made();
+    assert!(read(&signed(bytes.clone())).is_ok());
+    let lists = u32::from_le_bytes(std::array::from_fn(|k| bytes[28 + k])) as usize;
+    let nodes = u32::from_le_bytes(std::array::from_fn(|k| bytes[32 + k])) as usize;
+    // A rule, τ_max, where the second list begins, the length of the last, a link.
+    for at in [16, 23, 72 + 52, 72 + 52 * lists - 48, 72 + 52 * lists + 32 * nodes + 2] {
+        let mut altered = bytes.clone();
+        altered[at] ^= 0x55;
+        assert!(read(&signed(altered)).is_err(), "byte {at}");
+    }
+}
+
+#[test]
+fn files_are_whole_or_not_there() {
+    let (flat, options, written) = made();
+    let folder = Folder::new("sequential_file");
+    let path = PathBuf::from(folder.path("a.tree"));
+    let tree = Sequential::build(&flat, &options);
+    tree.save(&path).expect("a folder to write to");
+    assert_eq!(std::fs::read(&path).expect("written"), written);
+    assert!(Sequential::load(&path).expect("whole").is_of(&flat, &options));
+    let beside = std::fs::read_dir(path.parent().expect("a folder")).expect("a folder").count();
+    assert_eq!(beside, 1, "nothing is left beside");
+    let nowhere = PathBuf::from(folder.path("none")).join("a.tree");
+    assert!(matches!(tree.save(&nowhere), Err(Error::Io { .. })));
+    assert!(matches!(Sequential::load(&nowhere), Err(Error::Io { .. })));
+}
