@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 
 use super::bench::args::BenchArgs;
+use super::camera::Named;
 use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
 use surfel::structure::Arrangement;
@@ -104,6 +105,9 @@ pub struct ViewArgs {
     /// Where the viewer stands, in the input's coordinates.
     #[arg(long, value_name = "x,y,z", allow_hyphen_values = true, requires = "target", value_parser = parse::vector)]
     pub eye: Option<DVec3>,
+    /// A view that means the same for every scan.
+    #[arg(long, value_enum, value_name = "NAME", conflicts_with_all = ["orbit", "eye", "target"])]
+    pub view: Option<Named>,
     /// What the viewer looks at.
     #[arg(long, value_name = "x,y,z", allow_hyphen_values = true, requires = "eye", value_parser = parse::vector)]
     pub target: Option<DVec3>,

@@ -97,6 +97,7 @@ impl Scene {
 /// The pose that the options ask for, refused where no file could make it right.
 pub fn pose(args: &ViewArgs) -> Result<Pose, super::Usage> {
     let pose = match (args.orbit, args.eye, args.target) {
+        _ if args.view.is_some() => args.view.map_or(Pose::Default, Pose::Named),
         (Some(orbit), ..) => Pose::Orbit(orbit),
         (_, Some(eye), Some(target)) => Pose::LookAt { eye, target },
         _ => Pose::Default,

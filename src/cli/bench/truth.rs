@@ -78,6 +78,6 @@ pub fn image(picture: &FloatPicture, background: [u8; 4]) -> Image {
 }
 
 /// Where the truth of a view is kept, relative to the folder. `state` names all that it depends on beside view and size.
-pub fn file(state: &str, view: u32, [width, height]: [u32; 2]) -> String {
+pub fn file(state: &str, view: &str, [width, height]: [u32; 2]) -> String {
     format!("truth/{:016x}-{view}-{width}x{height}.exr", super::hash(state))
 }
