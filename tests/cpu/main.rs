@@ -37,3 +37,4 @@ mod reference_rounding;
 mod reference_sensitivity;
 mod reference_supersampled;
 mod reference_truth;
+mod scene_files;

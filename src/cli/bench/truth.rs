@@ -14,7 +14,7 @@ use surfel::style::Style;
 use surfel::technique::Technique;
 
 use super::super::reference::{self, SUPERSAMPLES};
-use super::super::{output, scene};
+use super::super::{output, placed, scene};
 use super::args::TruthKind;
 
 /// What truth is made from.
@@ -57,11 +57,20 @@ impl Source {
             return Ok(kept);
         }
         let picture = match self {
-            Source::Mesh(surfaces) => reference::mesh(surfaces, view, [width, height], style, SAMPLES),
+            Source::Mesh(surfaces) => {
+                let all = placed::as_read(surfaces.len());
+                reference::mesh(surfaces, &all, view, [width, height], style, SAMPLES)
+            }
             Source::Points(flats) => {
-                reference::splats(flats, view, [width, height], Technique::TWO_PASS, style, |scene| {
-                    supersampled(scene, SUPERSAMPLES)
-                })
+                let all = placed::as_read(flats.len());
+                reference::splats(
+                    &reference::on(flats, &all),
+                    view,
+                    [width, height],
+                    Technique::TWO_PASS,
+                    style,
+                    |scene| supersampled(scene, SUPERSAMPLES),
+                )
             }
         };
         let float = output::from_reference(&picture, view);
