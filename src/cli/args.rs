@@ -200,7 +200,8 @@ pub struct LookArgs {
 /// What is drawn into which picture, by whatever draws it.
 #[derive(Debug, Args)]
 pub struct PictureArgs {
-    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`.
+    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`; or one scene
+    /// file (JSON) that draws inputs many times.
     #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
     pub inputs: Vec<Input>,
     /// The picture to write. EXR has linear light, premultiplied, without background, and the depth along the view (Z).
@@ -271,7 +272,7 @@ pub struct ReferenceArgs {
 
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// A file, or `scene:NAME[:POINTS[:SEED]]`.
+    /// A file, or `scene:NAME[:POINTS[:SEED]]`, or a scene file (JSON).
     #[arg(value_name = "INPUT", value_parser = inputs())]
     pub input: Input,
     /// For programs.
