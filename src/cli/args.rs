@@ -7,10 +7,12 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 
 use super::bench::args::BenchArgs;
+use super::camera::Named;
 use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
 use surfel::structure::Arrangement;
 use surfel::structure::groups::Relax;
+use surfel::structure::nodes::ErrorRule;
 use surfel::style::{Ellipse, Front, Interval, SumPrecision, Voronoi};
 use surfel::technique::{Blend, Primitive, Selection, Structure};
 
@@ -104,6 +106,9 @@ pub struct ViewArgs {
     /// Where the viewer stands, in the input's coordinates.
     #[arg(long, value_name = "x,y,z", allow_hyphen_values = true, requires = "target", value_parser = parse::vector)]
     pub eye: Option<DVec3>,
+    /// A view that means the same for every scan.
+    #[arg(long, value_enum, value_name = "NAME", conflicts_with_all = ["orbit", "eye", "target"])]
+    pub view: Option<Named>,
     /// What the viewer looks at.
     #[arg(long, value_name = "x,y,z", allow_hyphen_values = true, requires = "eye", value_parser = parse::vector)]
     pub target: Option<DVec3>,
@@ -165,6 +170,15 @@ pub struct StructureArgs {
     /// view of the picture.
     #[arg(long, value_name = "ORDER", default_value = "as-read", value_parser = axis(Arrangement::ALL))]
     pub storage: Arrangement,
+    /// For sequential: which error of a node is held against the threshold.
+    #[arg(long, value_name = "geometric|split|diameter", default_value = "geometric", value_parser = axis(&ErrorRule::ALL[..3]))]
+    pub error: ErrorRule,
+    /// For sequential: a list for each of 128 ranges of normals, so that those of a closed surface that face away are skipped.
+    #[arg(long)]
+    pub clusters: bool,
+    /// For sequential point trees: read from here if the file fits, else made and written here, so that it is made once.
+    #[arg(long, value_name = "FILE")]
+    pub tree: Option<PathBuf>,
     /// For octrees: most points a block.
     #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..))]
     pub block: u32,
@@ -210,7 +224,8 @@ pub struct LookArgs {
 /// What is drawn into which picture, by whatever draws it.
 #[derive(Debug, Args)]
 pub struct PictureArgs {
-    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`.
+    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`; or one scene
+    /// file (JSON) that draws inputs many times.
     #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
     pub inputs: Vec<Input>,
     /// The picture to write. EXR has linear light, premultiplied, without background, and the depth along the view (Z).
@@ -281,7 +296,7 @@ pub struct ReferenceArgs {
 
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// A file, or `scene:NAME[:POINTS[:SEED]]`.
+    /// A file, or `scene:NAME[:POINTS[:SEED]]`, or a scene file (JSON).
     #[arg(value_name = "INPUT", value_parser = inputs())]
     pub input: Input,
     /// For programs.

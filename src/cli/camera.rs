@@ -1,5 +1,6 @@
 //! Where the picture is taken from: orbits, explicit eyes, and a default view that frames what there is.
 
+use clap::ValueEnum;
 use glam::DVec3;
 
 use surfel::load::Bounds;
@@ -20,6 +21,19 @@ pub enum Pose {
     Framed { azimuth: f64, elevation: f64 },
     /// Between two points [world].
     LookAt { eye: DVec3, target: DVec3 },
+    /// One of those that scans are measured from.
+    Named(Named),
+}
+
+/// Views that mean the same for every scan, all along the default view's azimuth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Named {
+    /// The bounding sphere is half as wide as the picture's smaller side.
+    Distance,
+    /// On a face of the robust box, looking level through its centre.
+    Border,
+    /// At the centre of the robust box, looking level.
+    Centre,
 }
 
 /// What is to be seen.
@@ -51,6 +65,9 @@ const MARGIN: f64 = 0.04;
 /// Vertical angle of view \[rad\] from outside, and from inside, where there is more around.
 const FOV: f64 = 45.0 / 180.0 * std::f64::consts::PI;
 const FOV_INSIDE: f64 = 70.0 / 180.0 * std::f64::consts::PI;
+
+/// Where the viewer stands unless told \[degrees\].
+const AZIMUTH: f64 = 30.0;
 
 /// Direction in which azimuth 0 looks: −Z where y is up, +Y where z is up, and the same turned over where the opposite is.
 fn forward(up: DVec3) -> DVec3 {
@@ -117,6 +134,7 @@ pub fn view(pose: Pose, subject: &Subject, lens: &Lens) -> (View, Vec<String>) {
             let (back, up) = orbit_axes(lens.up, azimuth, elevation);
             (fit(center, subject.balls, radius, back, up, [fov, lens.aspect]), back, up)
         }
+        Pose::Named(named) => named_pose(named, subject, lens, fov),
         Pose::Default => default_pose(subject, lens, &mut fov, &mut said),
     };
     let projection = View::perspective(fov, lens.aspect, near(subject, eye));
@@ -161,14 +179,39 @@ fn default_pose(subject: &Subject, lens: &Lens, fov: &mut f64, said: &mut Vec<St
         let (back, up) = orbit_axes(lens.up, azimuth, 0.0);
         return (eye, back, up);
     }
-    // Flat things are looked at from higher up.
-    let size = b.robust_max - b.robust_min;
-    let height = size.dot(lens.up.abs());
-    let flat = height < 0.3 * (size.length_squared() - height * height).max(0.0).sqrt();
-    let elevation = if flat { 35.0 } else { 15.0 };
-    let (back, up) = orbit_axes(lens.up, 30.0, elevation);
-    said.push(format!("view from azimuth 30, elevation {elevation}, as near as everything fits"));
+    let elevation = elevation(b, lens.up);
+    let (back, up) = orbit_axes(lens.up, AZIMUTH, elevation);
+    said.push(format!("view from azimuth {AZIMUTH}, elevation {elevation}, as near as everything fits"));
     (fit(b.center, subject.balls, scale(subject), back, up, [*fov, lens.aspect]), back, up)
+}
+
+/// Degrees above the horizon: flat things are looked at from higher up.
+fn elevation(b: &Bounds, up: DVec3) -> f64 {
+    let size = b.robust_max - b.robust_min;
+    let height = size.dot(up.abs());
+    let flat = height < 0.3 * (size.length_squared() - height * height).max(0.0).sqrt();
+    if flat { 35.0 } else { 15.0 }
+}
+
+/// Eye, unit vector towards the viewer, and up in the picture. `fov` is vertical \[rad\].
+fn named_pose(named: Named, subject: &Subject, lens: &Lens, fov: f64) -> (DVec3, DVec3, DVec3) {
+    let b = &subject.bounds;
+    let elevation = if named == Named::Distance { elevation(b, lens.up) } else { 0.0 };
+    let (back, up) = orbit_axes(lens.up, AZIMUTH, elevation);
+    let distance = match named {
+        // The cone that touches the sphere has its tangent on the picture, and its sine in space.
+        Named::Distance => scale(subject) / (0.5 * (0.5 * fov).tan() * lens.aspect.min(1.0)).atan().sin(),
+        Named::Border => leave(0.5 * (b.robust_max - b.robust_min), back),
+        Named::Centre => 0.0,
+    };
+    (b.center + back * distance, back, up)
+}
+
+/// How far from the centre of a box, given by half its size, a ray along a unit vector leaves it.
+fn leave(half: DVec3, along: DVec3) -> f64 {
+    // What is level only up to rounding leaves no flat box through its top.
+    let sides = (0..3).filter(|&i| along[i].abs() > 1e-9).map(|i| half[i] / along[i].abs());
+    sides.fold(f64::INFINITY, f64::min)
 }
 
 /// The azimuth, in steps of 15 degrees, in which what is seen from `eye` lies farthest away on average: from inside a

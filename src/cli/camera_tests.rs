@@ -139,3 +139,40 @@ fn inside_the_view_goes_where_it_is_deep() {
     assert_eq!(deepest(&balls, dvec3(1.0, 0.0, 0.0), DVec3::Z), 270.0);
     assert_eq!(deepest(&[], DVec3::ZERO, DVec3::Z), 0.0);
 }
+
+#[test]
+fn named_views_mean_the_same_for_every_scan() {
+    let (center, half) = (dvec3(5e5, -7.0, 40.0), dvec3(6.0, 2.0, 5.0));
+    let subject = Subject { bounds: bounds(center, half), balls: &[], viewpoint: Some(center) };
+    for (up, aspect, fov) in [(DVec3::Y, 1.0, None), (DVec3::Z, 2.0, Some(1.2)), (DVec3::X, 0.5, Some(0.3))] {
+        let lens = Lens { fov, ..lens(up, aspect) };
+        let of = |named| view(Pose::Named(named), &subject, &lens).0;
+        // Of a picture of 640 px on its smaller side; the outline of a sphere in the middle is a circle.
+        let v = of(Named::Distance);
+        let height = 640.0 / aspect.min(1.0);
+        let distance = (v.eye().truncate() - center).length();
+        let tan = half.length() / (distance * distance - half.length_squared()).sqrt();
+        assert!((2.0 * v.focal(height) * tan - 320.0).abs() < 1e-3, "{up}");
+        assert!((look(&v) - (center - v.eye().truncate()) / distance).length() < 1e-9);
+        let (centre, border) = (of(Named::Centre), of(Named::Border));
+        assert!((centre.eye().truncate() - center).length() < 1e-9);
+        // On one face and within the others, looking level through the centre.
+        let off = (border.eye().truncate() - center) / half;
+        assert!((off.abs().max_element() - 1.0).abs() < 1e-9, "{off}");
+        assert!((look(&border) + (off * half).normalize()).length() < 1e-9);
+        assert!(look(&border).dot(up).abs() < 1e-12 && (look(&border) - look(&centre)).length() < 1e-12);
+        // Seen from above all look the same way.
+        let level = look(&v) - up * look(&v).dot(up);
+        assert!((level.normalize() - look(&centre)).length() < 1e-9);
+    }
+    // Nothing is divided by a box without height, or without anything.
+    for half in [dvec3(1.0, 0.0, 2.0), DVec3::ZERO] {
+        let subject = Subject { bounds: bounds(center, half), balls: &[], viewpoint: None };
+        for named in [Named::Distance, Named::Border, Named::Centre] {
+            let (v, _) = view(Pose::Named(named), &subject, &lens(DVec3::Y, 1.0));
+            assert!(v.view.is_finite() && v.near() > 0.0, "{named:?} {half}");
+        }
+        let on = eye(Pose::Named(Named::Border), &subject, &lens(DVec3::Y, 1.0)) - center;
+        assert!((on.length() == 0.0) == (half.x == 0.0), "{on}");
+    }
+}

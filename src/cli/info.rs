@@ -1,6 +1,7 @@
 //! `surfel info`: what is in a scan, as it was read, with nothing estimated.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use anyhow::Result;
 use glam::DVec3;
@@ -12,15 +13,17 @@ use super::args::InfoArgs;
 use super::parse::Input;
 use super::progress::Progress;
 use super::report::grouped;
-use super::{Outcome, input};
+use super::{Outcome, input, scene_file};
 
 /// Reads and tells.
 pub fn run(args: &InfoArgs) -> Result<Outcome> {
+    if let Input::File(path) = &args.input
+        && scene_file::is_scene(&args.input)
+    {
+        return scene(path, args.json);
+    }
     let cloud = input::read(&args.input, &Progress::new(args.json))?;
-    let name = match &args.input {
-        Input::File(path) => path.display().to_string(),
-        Input::Scene { name, points, seed } => format!("scene:{name}:{points}:{seed}"),
-    };
+    let name = name(&args.input);
     let bounds = Bounds::of(&cloud);
     let text = match args.json {
         true => format!("{:#}\n", as_json(&name, &cloud, bounds)),
@@ -28,6 +31,35 @@ pub fn run(args: &InfoArgs) -> Result<Outcome> {
     };
     super::print(&text)?;
     Ok(Outcome::Done)
+}
+
+/// What a scene file draws, with nothing read but itself.
+fn scene(path: &Path, as_json: bool) -> Result<Outcome> {
+    let scene = scene_file::read(path)?;
+    let file = path.display().to_string();
+    let all = scene.instances.len();
+    let times = |cloud: usize| scene.instances.iter().filter(|p| p.cloud == cloud).count();
+    let inputs = scene.names.iter().zip(&scene.inputs).enumerate();
+    let inputs: Vec<_> = inputs.map(|(i, (id, input))| (id, name(input), times(i))).collect();
+    let text = if as_json {
+        let inputs: Vec<Value> =
+            inputs.iter().map(|(id, input, n)| json!({"name": id, "input": input, "instances": n})).collect();
+        format!("{:#}\n", json!({"file": file, "format": "scene", "inputs": inputs, "instances": all}))
+    } else {
+        let rows = inputs.iter().map(|(id, input, n)| format!("  {id:<12} {input}, {} times\n", grouped(*n as u64)));
+        format!("{file}\n  {:<12} scene\n  {:<12} {}\n", "format", "instances", grouped(all as u64))
+            + &rows.collect::<String>()
+    };
+    super::print(&text)?;
+    Ok(Outcome::Done)
+}
+
+/// As it is written on the command line.
+fn name(input: &Input) -> String {
+    match input {
+        Input::File(path) => path.display().to_string(),
+        Input::Scene { name, points, seed } => format!("scene:{name}:{points}:{seed}"),
+    }
 }
 
 /// Name of each attribute and whether it is there.

@@ -8,6 +8,7 @@ use surfel::load::{self, Bounds, PointCloud, synthetic};
 use super::memory;
 use super::parse::{Input, MAX_POINTS};
 use super::progress::Progress;
+use super::scene_file;
 
 /// Reads one input, without heaps of copies: a million points at one place would be drawn a million times.
 pub fn read(input: &Input, progress: &Progress) -> Result<PointCloud> {
@@ -17,6 +18,11 @@ pub fn read(input: &Input, progress: &Progress) -> Result<PointCloud> {
 }
 
 fn read_all(input: &Input, progress: &Progress) -> Result<PointCloud> {
+    if let Input::File(path) = input
+        && scene_file::is_scene(input)
+    {
+        bail!("{}: a scene file is for render, reference and info", path.display());
+    }
     match input {
         Input::File(path) => {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -47,13 +53,17 @@ pub fn join(clouds: Vec<PointCloud>) -> Result<Vec<PointCloud>> {
             None => groups.push((kind, vec![cloud])),
         }
     }
-    let joined: Vec<PointCloud> = groups.into_iter().map(|(_, group)| load::merge(group)).collect();
-    for cloud in &joined {
+    handled(groups.into_iter().map(|(_, group)| load::merge(group)).collect())
+}
+
+/// The clouds, if none is larger than what attributes can be estimated for.
+pub fn handled(clouds: Vec<PointCloud>) -> Result<Vec<PointCloud>> {
+    for cloud in &clouds {
         if cloud.len() > MAX_POINTS {
             bail!("{} points in one cloud: at most {MAX_POINTS} are handled", cloud.len());
         }
     }
-    Ok(joined)
+    Ok(clouds)
 }
 
 /// Bounds of all clouds together; `None` where there is no point.

@@ -17,11 +17,13 @@ mod memory;
 mod output;
 mod palette;
 mod parse;
+mod placed;
 mod progress;
 mod reference;
 mod render;
 mod report;
 mod scene;
+mod scene_file;
 mod selftest;
 mod structure;
 

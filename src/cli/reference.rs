@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
+
 use glam::DMat4;
 
 use surfel::load::PointCloud;
@@ -19,8 +20,9 @@ use super::args::{ReferenceArgs, TruthKind};
 use super::parse::Input;
 use super::progress::Progress;
 use super::report::grouped;
-use super::scene::{self, Scene};
-use super::{Outcome, Usage, input, look, memory, output, structure};
+use super::scene::{self, Scene, Source};
+use super::scene_file::Placed;
+use super::{Outcome, Usage, look, memory, output, structure};
 
 /// Samples along a pixel's side where no surface is known.
 pub const SUPERSAMPLES: u32 = 8;
@@ -35,21 +37,23 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
     let technique = look::technique(&args.picture.technique, &args.picture.look)?;
     let samples = samples(args.truth, args.samples)?;
     output::check(&args.picture.output)?;
-    structure::check(&args.picture.structure, &technique, args.picture.inputs.len())?;
-    scene::readable(&args.picture.inputs, &[&args.picture.output])?;
+    let source = Source::new(&args.picture.inputs, args.picture.structure.storage, &[&args.picture.output])?;
+    structure::check(&args.picture.structure, &technique, source.inputs.len())?;
     let [width, height] = args.picture.view.size;
     let pixels = width as u64 * height as u64;
     memory::ensure(&format!("a picture of {width}x{height}"), pixels.saturating_mul(A_PIXEL))?;
 
     let progress = Progress::new(args.picture.quiet);
-    let read: Vec<PointCloud> = args.picture.inputs.iter().map(|i| input::read(i, &progress)).collect::<Result<_>>()?;
+    let read = source.read(&progress)?;
     if args.truth == TruthKind::Mesh {
-        faces(&args.picture.inputs, &read)?;
+        faces(&source.inputs, &read)?;
     }
-    let mut scene = Scene::complete(read, &args.picture.view.lens, &args.picture.look, &progress)?;
+    let mut scene = Scene::complete(read, source, &args.picture.view.lens, &args.picture.look, &progress)?;
     let view = scene.view(pose, args.picture.view.lens.fov, args.picture.view.size);
     let style = look::style(&args.picture.technique, &args.picture.look, scene.shade);
     let (points_input, mut assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
+
+    let placed = std::mem::take(&mut scene.instances);
 
     let mut rows = vec![("picture", format!("{width} x {height}, f64, {}", said(args.truth, samples)))];
     let step = progress.step("draw", 1);
@@ -57,11 +61,12 @@ pub fn run(args: &ReferenceArgs) -> Result<Outcome> {
         let surfaces: Vec<Surface> = scene.clouds.iter().filter_map(Surface::new).collect();
         let triangles: usize = surfaces.iter().map(Surface::triangles).sum();
         rows.push(("triangles", grouped(triangles as u64)));
-        mesh(&surfaces, &view, args.picture.view.size, &style, samples)
+        mesh(&surfaces, &placed, &view, args.picture.view.size, &style, samples)
     } else {
         let (clouds, said) = structure::build(scene.pack(), &args.picture.structure, &technique, &view, &progress)?;
         assumed.extend(said);
-        let picture = splats(&clouds, &view, args.picture.view.size, technique, &style, |scene| match args.truth {
+        let placed = on(&clouds, &placed);
+        let picture = splats(&placed, &view, args.picture.view.size, technique, &style, |scene| match args.truth {
             TruthKind::Supersampled => supersampled(scene, samples),
             _ => render(scene, MARGIN_F32),
         });
@@ -124,26 +129,37 @@ fn faces(inputs: &[Input], clouds: &[PointCloud]) -> Result<()> {
     Ok(())
 }
 
-/// The surfaces where their clouds are, by rays.
-pub fn mesh(surfaces: &[Surface], view: &View, [width, height]: [u32; 2], style: &Style, samples: u32) -> Picture {
-    let instances: Vec<_> =
-        surfaces.iter().map(|surface| MeshInstance { surface, transform: DMat4::IDENTITY }).collect();
+/// The surfaces where they are put, by rays.
+pub fn mesh(
+    surfaces: &[Surface],
+    placed: &[Placed],
+    view: &View,
+    [width, height]: [u32; 2],
+    style: &Style,
+    samples: u32,
+) -> Picture {
+    let instance = |p: &Placed| MeshInstance { surface: &surfaces[p.cloud], transform: p.transform };
+    let instances: Vec<_> = placed.iter().map(instance).collect();
     ray_cast(&MeshScene { instances: &instances, view, width, height, style }, samples)
 }
 
-/// What `draw` makes of all points where their clouds are.
+/// The points where they are put.
+pub fn on<'a>(clouds: &'a [Cloud], placed: &[Placed]) -> Vec<(&'a Cloud, DMat4)> {
+    placed.iter().map(|p| (&clouds[p.cloud], p.transform)).collect()
+}
+
+/// What `draw` makes of all points of the instances.
 pub fn splats(
-    clouds: &[Cloud],
+    instances: &[(&Cloud, DMat4)],
     view: &View,
     [width, height]: [u32; 2],
     technique: Technique,
     style: &Style,
     draw: impl FnOnce(&Splats) -> Picture,
 ) -> Picture {
-    let placed: Vec<_> = clouds.iter().map(|cloud| (cloud, DMat4::IDENTITY)).collect();
-    let list = cut::drawn(&placed, view, [width, height], style);
+    let list = cut::drawn(instances, view, [width, height], style);
     let instances: Vec<_> =
-        clouds.iter().map(|cloud| Instance { flat: cloud.flat(), transform: DMat4::IDENTITY }).collect();
+        instances.iter().map(|(cloud, transform)| Instance { flat: cloud.flat(), transform: *transform }).collect();
     let (instances, list) = (instances.as_slice(), &list);
     draw(&Splats { instances, list, view, width, height, technique, style, host_depth: None })
 }

@@ -4,7 +4,6 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use glam::DMat4;
 
 use surfel::ash::vk;
 use surfel::standalone::{DeviceInfo, Layers, Offscreen, Options, Shot, Standalone};
@@ -15,7 +14,8 @@ use super::args::RenderArgs;
 use super::camera::Pose;
 use super::progress::Progress;
 use super::report::Report;
-use super::scene::{self, Scene};
+use super::scene::{self, Scene, Source};
+use super::scene_file::Placed;
 use super::{Outcome, frames, look, memory, output, structure};
 
 /// Renders. What can be refused is refused before anything long begins: usage, outputs, device, size, then the files.
@@ -24,7 +24,6 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     let pose = scene::pose(&args.picture.view)?;
     let technique = look::technique(&args.picture.technique, &args.picture.look)?;
     output::check(&args.picture.output)?;
-    structure::check(&args.picture.structure, &technique, args.picture.inputs.len())?;
     if let Some(path) = &args.stats {
         output::check(path)?;
         if output::place(path) == output::place(&args.picture.output) {
@@ -32,7 +31,8 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
         }
     }
     let outputs: Vec<&Path> = std::iter::once(&args.picture.output).chain(&args.stats).map(PathBuf::as_path).collect();
-    scene::readable(&args.picture.inputs, &outputs)?;
+    let source = Source::new(&args.picture.inputs, args.picture.structure.storage, &outputs)?;
+    structure::check(&args.picture.structure, &technique, source.inputs.len())?;
 
     let layers = if args.validate { Layers::CORE_SYNC } else { Layers::default() };
     let options = Options { device: args.device.clone(), layers, without: args.without.clone(), ..Default::default() };
@@ -45,7 +45,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     let [width, height] = args.picture.view.size;
     fits(&device, args.picture.view.size)?;
     let mut offscreen = Offscreen::new(standalone, vk::Extent2D { width, height }, float)?;
-    let done = picture(args, pose, technique, device, &mut offscreen);
+    let done = picture(args, source, pose, technique, device, &mut offscreen);
     // Whatever happened: destroyed in order, so that the layers can tell what was left alive.
     let messages = offscreen.destroy().close();
     for message in &messages {
@@ -73,6 +73,7 @@ fn fits(device: &DeviceInfo, [width, height]: [u32; 2]) -> Result<()> {
 
 fn picture(
     args: &RenderArgs,
+    source: Source,
     pose: Pose,
     technique: Technique,
     device: DeviceInfo,
@@ -81,11 +82,12 @@ fn picture(
     // A quarter of a gibibyte a frame: what is staged does not double the memory of large clouds.
     offscreen.renderer.upload_budget = 256 << 20;
     let progress = Progress::new(args.picture.quiet);
-    let mut scene = Scene::load(&args.picture.inputs, &args.picture.view.lens, &args.picture.look, &progress)?;
+    let read = source.read(&progress)?;
+    let mut scene = Scene::complete(read, source, &args.picture.view.lens, &args.picture.look, &progress)?;
     let view = scene.view(pose, args.picture.view.lens.fov, args.picture.view.size);
     let style = look::style(&args.picture.technique, &args.picture.look, scene.shade);
     let (points_input, mut assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
-    let mut instances = Vec::new();
+    let placed = std::mem::take(&mut scene.instances);
     let (clouds, said) = structure::build(scene.pack(), &args.picture.structure, &technique, &view, &progress)?;
     assumed.extend(said);
     let layers = clouds.iter().filter_map(|c| c.flat().groups.as_ref()).map(|g| g.count).max().unwrap_or(0);
@@ -95,10 +97,10 @@ fn picture(
         let bytes = (width as u64 * height as u64).saturating_mul(layers as u64 * (16 + 8 + 16 + 4));
         memory::ensure(&format!("{layers} groups of a picture of {width}x{height}"), bytes)?;
     }
-    for cloud in clouds {
-        let cloud: CloudId = offscreen.renderer.add(cloud)?;
-        instances.push(Instance { cloud, transform: DMat4::IDENTITY });
-    }
+    let add = |cloud| offscreen.renderer.add(cloud);
+    let clouds: Vec<CloudId> = clouds.into_iter().map(add).collect::<surfel::Result<_>>()?;
+    let instance = |p: &Placed| Instance { cloud: clouds[p.cloud], transform: p.transform };
+    let instances: Vec<Instance> = placed.iter().map(instance).collect();
     let shot = Shot { view: &view, instances: &instances, technique, style: &style, count: false };
     let account = frames::draw(offscreen, &shot, args.warmup, args.frames, &progress)?;
     let picture = offscreen.read()?;

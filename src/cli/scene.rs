@@ -8,7 +8,7 @@ use glam::DVec3;
 use surfel::load::attributes::{self, RadiusRule};
 use surfel::load::{Bounds, PointCloud};
 use surfel::select::View;
-use surfel::structure::Flat;
+use surfel::structure::{Arrangement, Flat};
 
 use super::args::{ColorBy, LensArgs, LookArgs, Shade, ViewArgs};
 use super::camera::{Lens, Pose, Subject};
@@ -16,13 +16,53 @@ use super::input::Ball;
 use super::look::Has;
 use super::parse::{Input, Radius};
 use super::progress::Progress;
-use super::{camera, color, input, look};
+use super::scene_file::{self, Placed};
+use super::{Usage, camera, color, input, look, placed};
+
+/// What is to be read, and where it is drawn.
+pub struct Source {
+    pub inputs: Vec<Input>,
+    /// By a scene file; else every input is where it is, and joined with those that are like it.
+    placed: Option<Vec<Placed>>,
+}
+
+impl Source {
+    /// What the inputs are: themselves, or what the only one says if that is a scene file. What is not there, or would be
+    /// overwritten, is told before anything long begins.
+    pub fn new(inputs: &[Input], storage: Arrangement, outputs: &[&Path]) -> Result<Source> {
+        readable(inputs, outputs)?;
+        if !inputs.iter().any(scene_file::is_scene) {
+            return Ok(Source { inputs: inputs.to_vec(), placed: None });
+        }
+        let [Input::File(path)] = inputs else {
+            return Err(Usage("a scene file (.json) is the only input: it names the others".into()).into());
+        };
+        if matches!(storage, Arrangement::FrontToBack | Arrangement::BackToFront) {
+            return Err(
+                Usage(format!("--storage {storage} is of one view, and a scene's clouds have many places")).into()
+            );
+        }
+        let scene = scene_file::read(path)?;
+        for (name, input) in scene.names.iter().zip(&scene.inputs) {
+            let place = || format!("{}: inputs.{name}", path.display());
+            readable(std::slice::from_ref(input), outputs).with_context(place)?;
+        }
+        Ok(Source { inputs: scene.inputs, placed: Some(scene.instances) })
+    }
+
+    /// Each input, in order.
+    pub fn read(&self, progress: &Progress) -> Result<Vec<PointCloud>> {
+        self.inputs.iter().map(|i| input::read(i, progress)).collect()
+    }
+}
 
 /// Clouds with all that a picture needs, and what was found out on the way.
 pub struct Scene {
     /// Normals and radii are there; colours show what was asked for.
     pub clouds: Vec<PointCloud>,
-    /// Of all clouds.
+    /// What is drawn, in order.
+    pub instances: Vec<Placed>,
+    /// Of all instances.
     pub bounds: Bounds,
     /// A sample of the splats, for framing.
     pub balls: Vec<Ball>,
@@ -45,28 +85,54 @@ pub struct Scene {
 impl Scene {
     /// Reads and completes everything.
     pub fn load(inputs: &[Input], lens: &LensArgs, look: &LookArgs, progress: &Progress) -> Result<Scene> {
-        let read: Vec<PointCloud> = inputs.iter().map(|i| input::read(i, progress)).collect::<Result<_>>()?;
-        Scene::complete(read, lens, look, progress)
+        let source = Source { inputs: inputs.to_vec(), placed: None };
+        Scene::complete(source.read(progress)?, source, lens, look, progress)
     }
 
-    /// Completes clouds that are in memory.
-    pub fn complete(read: Vec<PointCloud>, lens: &LensArgs, look: &LookArgs, progress: &Progress) -> Result<Scene> {
-        let mut clouds = input::join(read)?;
+    /// Completes what was read of the source.
+    pub fn complete(
+        read: Vec<PointCloud>,
+        source: Source,
+        lens: &LensArgs,
+        look: &LookArgs,
+        progress: &Progress,
+    ) -> Result<Scene> {
+        // What is drawn in different places shares no seam.
+        let mut clouds = if source.placed.is_some() { input::handled(read)? } else { input::join(read)? };
         let points_input = clouds.iter().map(|c| c.report.points_in_file).sum();
         let has = Has::of(&clouds);
         let (shade, shade_said) = look::shade(look, has);
         let (by, color_said) = look::color(look, has);
         let (up, up_given, up_said) = look::up(lens, &clouds);
         let Some(bounds) = input::bounds(&clouds) else { bail!("there is no point in the input") };
+        if source.placed.is_some() && clouds.iter().any(PointCloud::is_empty) {
+            bail!("there is no point in an input of the scene");
+        }
         for cloud in &mut clouds {
             complete(cloud, look.radius, shade, by, &bounds, progress);
         }
         let mut assumed = input::sentences(&clouds);
         assumed.extend([up_said, color_said, shade_said].into_iter().flatten());
         assumed.extend(color::paint(&mut clouds, by, up, &bounds)?);
-        let balls = input::balls(&clouds, &bounds);
-        let viewpoint = clouds.iter().find_map(|c| c.viewpoint);
-        Ok(Scene { clouds, bounds, balls, viewpoint, shade, up, up_given, by, points_input, assumed })
+        if source.placed.is_some() && by == ColorBy::Height {
+            assumed.push("heights are those in the inputs' own coordinates, the same for every instance".into());
+        }
+        let instances = source.placed.unwrap_or_else(|| placed::as_read(clouds.len()));
+        // As read, every point counts for the bounds; a forest is too many.
+        let moved = placed::moved(&instances, clouds.len());
+        let bounds = if moved { placed::bounds(&clouds, &instances) } else { bounds };
+        placed::countable(&clouds, &instances)?;
+        let balls = match moved {
+            true => placed::balls(&clouds, &instances, &bounds),
+            false => input::balls(&clouds, &bounds),
+        };
+        // Of many scanners none is the viewer.
+        let viewpoint = match instances.as_slice() {
+            [one] => clouds[one.cloud].viewpoint.map(|v| one.transform.transform_point3(v)),
+            _ if moved => None,
+            _ => clouds.iter().find_map(|c| c.viewpoint),
+        };
+        Ok(Scene { clouds, instances, bounds, balls, viewpoint, shade, up, up_given, by, points_input, assumed })
     }
 
     /// The view that is asked for; what was assumed to make it is noted.
@@ -97,6 +163,7 @@ impl Scene {
 /// The pose that the options ask for, refused where no file could make it right.
 pub fn pose(args: &ViewArgs) -> Result<Pose, super::Usage> {
     let pose = match (args.orbit, args.eye, args.target) {
+        _ if args.view.is_some() => args.view.map_or(Pose::Default, Pose::Named),
         (Some(orbit), ..) => Pose::Orbit(orbit),
         (_, Some(eye), Some(target)) => Pose::LookAt { eye, target },
         _ => Pose::Default,

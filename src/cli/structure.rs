@@ -7,7 +7,8 @@ use anyhow::{Result, bail};
 
 use surfel::select::View;
 use surfel::structure::groups::Relax;
-use surfel::structure::{Arrangement, Cloud, Flat, Groups, Octree, octree};
+use surfel::structure::nodes::{self, ErrorRule};
+use surfel::structure::{Arrangement, Cloud, Flat, Groups, Octree, Sequential, octree, sequential};
 use surfel::technique::{Blend, Structure, Technique};
 
 use super::args::StructureArgs;
@@ -23,6 +24,19 @@ pub fn check(args: &StructureArgs, technique: &Technique, inputs: usize) -> Resu
             technique.structure
         ))
         .into());
+    }
+    if let Some(path) = &args.tree {
+        if !matches!(technique.structure, Structure::Sequential | Structure::OneSpt | Structure::SptR) {
+            return Err(Usage(format!(
+                "--tree is for sequential point trees, not for --structure {}",
+                technique.structure
+            ))
+            .into());
+        }
+        if inputs != 1 {
+            return Err(Usage("--tree is for one input: every cloud has a tree of its own".into()).into());
+        }
+        output::check(path)?;
     }
     let Some(path) = &args.groups else { return Ok(()) };
     if technique.blend != Blend::Groups {
@@ -82,7 +96,34 @@ pub fn level(
         }
         anyhow::Ok((tree.bytes(), tree.moved, Cloud::from(Arc::new(tree))))
     };
+    let tree = |rule| {
+        let options = sequential::Options { rule, clusters: args.clusters, ..Default::default() };
+        let mut tree = match args.tree.as_deref().filter(|path| path.exists()) {
+            Some(path) => {
+                let kept = Sequential::load(path)?;
+                if !kept.is_of(flat, &options) {
+                    bail!("{}: holds the tree of another cloud, or one made with other options", path.display());
+                }
+                kept
+            }
+            None => {
+                let made = Sequential::build(flat, &options);
+                args.tree.as_deref().map_or(Ok(()), |path| made.save(path))?;
+                made
+            }
+        };
+        if let Some(relax) = relax {
+            // A cut has no node with its parent, and neighbours seldom differ by more than a level.
+            let (levels, links) = (&tree.levels, &tree.nodes.links);
+            let child = |a: usize, b: usize| links[a][0] != nodes::NONE && links[b][1] == links[a][0];
+            let together = |a: usize, b: usize| levels[a].abs_diff(levels[b]) <= 1 && !child(a, b) && !child(b, a);
+            tree.flat.groups = Some(Groups::color_where(&tree.flat, relax, together)?);
+        }
+        anyhow::Ok((tree.bytes(), 0.0, Cloud::from(Arc::new(tree))))
+    };
     let (bytes, moved, cloud) = match structure {
+        Structure::Sequential => tree(args.error)?,
+        Structure::OneSpt => tree(ErrorRule::Cell)?,
         Structure::VboR => octree(octree::Preset::VboR)?,
         Structure::Espt => octree(octree::Preset::Espt)?,
         Structure::Mospt => octree(octree::Preset::Mospt)?,

@@ -18,8 +18,8 @@ pub fn cut(cloud: &Cloud, sight: &Sight, style: &Style, back_faces_culled: bool,
             }
         }
         Cloud::Octree(octree) => octree.select(sight, instance, list),
+        Cloud::Sequential(tree) => tree.select(sight, style.interval, back_faces_culled, instance, list),
     }
-    let _ = (style, back_faces_culled);
 }
 
 /// What a frame of these instances draws: the cut, and in it the points that pass where a structure is tested point by

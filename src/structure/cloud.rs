@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use super::nodes::ErrorRule;
 use super::octree::Preset;
-use super::{Flat, Nodes, Octree};
+use super::{Flat, Nodes, Octree, Sequential};
 use crate::technique::Structure;
 
 /// What a renderer takes in. Cheap to copy.
@@ -14,6 +15,8 @@ pub enum Cloud {
     Flat(Arc<Flat>),
     /// Whole levels of blocks.
     Octree(Arc<Octree>),
+    /// Entries tested point by point.
+    Sequential(Arc<Sequential>),
 }
 
 impl Cloud {
@@ -22,6 +25,7 @@ impl Cloud {
         match self {
             Cloud::Flat(flat) => flat,
             Cloud::Octree(octree) => &octree.flat,
+            Cloud::Sequential(tree) => &tree.flat,
         }
     }
 
@@ -29,6 +33,7 @@ impl Cloud {
     pub fn nodes(&self) -> Option<&Nodes> {
         match self {
             Cloud::Flat(_) | Cloud::Octree(_) => None,
+            Cloud::Sequential(tree) => Some(&tree.nodes),
         }
     }
 
@@ -41,6 +46,10 @@ impl Cloud {
                 Preset::Espt => Structure::Espt,
                 Preset::Mospt => Structure::Mospt,
                 Preset::RGrid => Structure::RGrid,
+            },
+            Cloud::Sequential(tree) => match tree.options.rule {
+                ErrorRule::Cell => Structure::OneSpt,
+                _ => Structure::Sequential,
             },
         }
     }
@@ -61,5 +70,11 @@ impl From<Flat> for Cloud {
 impl From<Arc<Octree>> for Cloud {
     fn from(octree: Arc<Octree>) -> Cloud {
         Cloud::Octree(octree)
+    }
+}
+
+impl From<Arc<Sequential>> for Cloud {
+    fn from(tree: Arc<Sequential>) -> Cloud {
+        Cloud::Sequential(tree)
     }
 }

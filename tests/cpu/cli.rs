@@ -58,6 +58,11 @@ fn what_cannot_be_meant_is_a_usage_error() {
     render(&["--eye", "0,0,1", "--target", "0,0,0", "--up", "z"], "--up lies along");
     render(&["--orbit", "0,0,2", "--eye", "1,2,3", "--target", "0,0,0"], "cannot be used with");
     render(&["--orbit", "0,100,2"], "elevation");
+    render(&["--view", "border", "--orbit", "0,0,2"], "cannot be used with");
+    render(&["--view", "border", "--eye", "1,2,3", "--target", "0,0,0"], "cannot be used with");
+    render(&["--view", "sideways"], "centre");
+    usage(&["bench", "scene:torus:99", "--out", "x", "--views", "distance,sideways"], "\"sideways\" is no view");
+    usage(&["bench", "scene:torus:99", "--out", "x", "--views", "0"], "1 to 1000");
     render(&["--background", "red"], "hexadecimal");
     render(&["--radius", "-1"], "radius");
     render(&["--radius", "px:2", "--blend", "two-pass"], "opaque");
@@ -143,7 +148,7 @@ fn the_reference_needs_no_device() {
 #[test]
 fn help_names_every_option() {
     let help = stdout(&surfel(&["render", "--help"]));
-    let options = "size structure blend threshold orbit eye target up fov background shade color radius primitive ellipse \
+    let options = "size structure blend threshold orbit eye target view up fov background shade color radius primitive ellipse \
                    tolerance frames warmup stats device validate";
     for option in options.split_whitespace() {
         assert!(help.contains(&format!("--{option}")), "{option}");

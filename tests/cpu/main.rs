@@ -38,6 +38,7 @@ mod reference_rounding;
 mod reference_sensitivity;
 mod reference_supersampled;
 mod reference_truth;
+mod scene_files;
 mod sequential;
 mod sequential_file;
 mod sequential_views;

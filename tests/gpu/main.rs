@@ -23,6 +23,7 @@ mod host_targets;
 mod kept;
 mod one_pass;
 mod raw;
+mod scene_files;
 mod seeded;
 mod selftest;
 mod stress;

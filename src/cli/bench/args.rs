@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::super::args::{LensArgs, LookArgs, axis, inputs};
+use super::super::camera::Named;
 use super::super::parse::{self, Input, MAX_POINTS};
 use surfel::structure::Arrangement;
 use surfel::structure::groups::Relax;
@@ -38,6 +39,49 @@ pub enum TruthKind {
     Supersampled,
 }
 
+/// Where the input is looked at from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Views {
+    /// So many, evenly spread.
+    Around(u32),
+    /// Each once.
+    Named(Vec<Named>),
+}
+
+impl Views {
+    /// How many.
+    pub fn len(&self) -> u32 {
+        match self {
+            Views::Around(n) => *n,
+            Views::Named(names) => names.len() as u32,
+        }
+    }
+
+    /// What `--view` calls one of them.
+    pub fn name(&self, number: u32) -> Option<String> {
+        let Views::Named(names) = self else { return None };
+        Some(names.get(number as usize)?.to_possible_value()?.get_name().to_owned())
+    }
+}
+
+fn views(text: &str) -> Result<Views, String> {
+    if let Ok(n) = text.parse::<u32>() {
+        return match n {
+            1..=1000 => Ok(Views::Around(n)),
+            _ => Err("1 to 1000 views".into()),
+        };
+    }
+    let mut names = Vec::new();
+    for name in text.split(',') {
+        let named = Named::from_str(name, false)
+            .map_err(|_| format!("{name:?} is no view: a number, or names of distance, border, centre"))?;
+        if !names.contains(&named) {
+            names.push(named);
+        }
+    }
+    Ok(Views::Named(names))
+}
+
 /// Every value of every list is combined with every other.
 #[derive(Debug, Args)]
 pub struct SweepArgs {
@@ -47,9 +91,9 @@ pub struct SweepArgs {
     /// Folder for report.html, results.json, results.csv and the pictures. What is finished there is not done again.
     #[arg(short, long, value_name = "DIR", required = true)]
     pub out: Option<PathBuf>,
-    /// Number of views: evenly spread about the input, each as near as everything fits.
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub views: u32,
+    /// Number of views, evenly spread about the input, each as near as everything fits; or names of `surfel render --view`.
+    #[arg(long, value_name = "N|NAME,…", default_value = "3", value_parser = views)]
+    pub views: Views,
     /// Sizes of the picture in pixels.
     #[arg(long, value_name = "WxH,…", default_value = "640x640", value_delimiter = ',', value_parser = parse::size)]
     pub sizes: Vec<[u32; 2]>,

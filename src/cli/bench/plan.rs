@@ -12,7 +12,7 @@ use surfel::technique::{Blend, PRESETS, Technique};
 use super::super::Usage;
 use super::super::camera::Pose;
 use super::super::parse::Input;
-use super::args::SweepArgs;
+use super::args::{SweepArgs, Views};
 use super::record::Combination;
 
 /// A combination with what draws it.
@@ -63,10 +63,15 @@ pub fn samples(args: &SweepArgs) -> Vec<Option<u32>> {
     }
 }
 
-/// From all sides, in turn a little, well and steeply from above.
-pub fn pose(number: u32, views: u32) -> Pose {
-    let azimuth = 30.0 + 360.0 * number as f64 / views as f64;
-    Pose::Framed { azimuth, elevation: [15.0, 35.0, 60.0][number as usize % 3] }
+/// As named, else from all sides, in turn a little, well and steeply from above.
+pub fn pose(number: u32, views: &Views) -> Pose {
+    match views {
+        Views::Named(names) => Pose::Named(names[number as usize]),
+        Views::Around(n) => {
+            let azimuth = 30.0 + 360.0 * number as f64 / *n as f64;
+            Pose::Framed { azimuth, elevation: [15.0, 35.0, 60.0][number as usize % 3] }
+        }
+    }
 }
 
 /// Every combination for one input, each once.
@@ -92,7 +97,7 @@ pub fn plan(args: &SweepArgs, input: &str, state: &str) -> Vec<Combination> {
     ];
     let places = args.sizes.iter().flat_map(|&size| samples(args).into_iter().map(move |samples| (size, samples)));
     for (size, samples) in places {
-        for view in 0..args.views {
+        for view in 0..args.views.len() {
             for (name, technique) in PRESETS.iter().filter(|(_, t)| wanted(t)) {
                 let [fuzzy, groups] = [Blend::Fuzzy, Blend::Groups].map(|b| technique.blend == b);
                 for [ellipse, scale, sums, tolerance, front, voronoi, factor, storage] in indices(choices) {
@@ -110,7 +115,8 @@ pub fn plan(args: &SweepArgs, input: &str, state: &str) -> Vec<Combination> {
                         voronoi: groups.then(|| args.voronois[voronoi].name().to_owned()),
                         factor: groups.then(|| args.factors[factor]),
                         storage: args.storages[storage].name().to_owned(),
-                        view: [view, args.views],
+                        view: [view, args.views.len()],
+                        view_name: args.views.name(view),
                         size,
                     });
                 }
@@ -183,6 +189,10 @@ mod tests {
         found.dedup();
         assert_eq!(found.len(), 96, "keys differ");
         assert_eq!(keys(&format!("{one} --scales 1,1")).len(), 1, "twice the same is once");
+        let named = keys("--techniques flat.two-pass.point --views centre,distance,centre");
+        assert!(named.len() == 2 && named[0].contains(" view centre 640x640"), "{named:?}");
+        // The same whatever else is asked for: what is finished is not done again.
+        assert!(keys("--techniques flat.two-pass.point --views border,centre").contains(&named[0]));
         assert_eq!(
             keys("--views 1 --techniques flat.opaque.point --tolerances 1,2").len(),
             1,

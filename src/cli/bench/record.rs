@@ -43,6 +43,9 @@ pub struct Combination {
     pub storage: String,
     /// Number of the view, and how many there are.
     pub view: [u32; 2],
+    /// Its name, where it has one: then its number says nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view_name: Option<String>,
     /// \[px\]
     pub size: [u32; 2],
 }
@@ -56,7 +59,13 @@ impl Combination {
     /// One line that no other combination has.
     pub fn key(&self) -> String {
         let Combination { input, input_state, view: [view, views], size: [width, height], .. } = self;
-        format!("{input} ({input_state}) {} view {view}/{views} {width}x{height}", self.way())
+        let view = self.view_name.clone().unwrap_or_else(|| format!("{view}/{views}"));
+        format!("{input} ({input_state}) {} view {view} {width}x{height}", self.way())
+    }
+
+    /// The view's name, or its number.
+    pub fn view(&self) -> String {
+        self.view_name.clone().unwrap_or_else(|| self.view[0].to_string())
     }
 
     /// The part that is chosen, whatever is looked at: points of one plot with the same way belong together.
@@ -155,7 +164,8 @@ pub fn run(common: &Value, records: &[Record]) -> Result<Run> {
     let rounds = |times: &[f64]| times.chunks(frames).filter_map(Summary::of).map(|s| s.median).collect();
     let case = |r: &Record| {
         let Combination { input, view: [view, views], size: [width, height], .. } = &r.combination;
-        let name = format!("{input} {} view {}/{views} {width}x{height}", r.combination.way(), view + 1);
+        let view = r.combination.view_name.clone().unwrap_or_else(|| format!("{}/{views}", view + 1));
+        let name = format!("{input} {} view {view} {width}x{height}", r.combination.way());
         Samples { name, values: rounds(r.times()) }
     };
     Ok(Run { setting, cases: records.iter().map(case).collect() })
@@ -237,7 +247,7 @@ pub fn csv(records: &[Record]) -> String {
             c.voronoi.clone().unwrap_or_default(),
             c.factor.map_or(String::new(), |c| c.to_string()),
             c.storage.clone(),
-            c.view[0].to_string(),
+            c.view(),
             c.size[0].to_string(),
             c.size[1].to_string(),
         ];
@@ -272,6 +282,7 @@ pub mod tests {
                 factor: None,
                 storage: as_read(),
                 view: [0, 1],
+                view_name: None,
                 size: [64, 48],
             },
             points_submitted: 10,

@@ -65,7 +65,9 @@ fn timed(args: &SweepArgs, software: bool) -> String {
          device's completion. <b>Not timed:</b> loading, uploads, counting, reading back. The target has float colour \
          and depth. In each of {} rounds every combination drew one frame untimed and {} timed ones, in turn, so that a \
          disturbance meets all alike. Times are medians and quartiles, averaged over {} views.</p>\n",
-        args.rounds, args.frames, args.views
+        args.rounds,
+        args.frames,
+        args.views.len()
     );
     text += "<p class=\"note\"><b>Errors</b> are taken of sRGB-encoded values, 1 = from black to white, over the background, \
              against a supersampled truth in f64. <b>Interior:</b> pixels whose neighbourhood is covered in both. \

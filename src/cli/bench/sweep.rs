@@ -259,15 +259,15 @@ impl Bench<'_> {
         pending: &[&Combination],
     ) -> Result<()> {
         self.off.resize(vk::Extent2D { width: size[0], height: size[1] })?;
-        for number in 0..self.args.views {
+        for number in 0..self.args.views.len() {
             let of_view = pending.iter().filter(|c| c.view[0] == number);
             let ways: Vec<Way> = of_view.map(|c| plan::way(c, &subject.style)).collect::<Result<_>>()?;
             if ways.is_empty() {
                 continue;
             }
-            let pose = plan::pose(number, self.args.views);
+            let pose = plan::pose(number, &self.args.views);
             let view = subject.scene.view(pose, self.args.lens.fov, size);
-            let truth = self.truth(subject, &view, number, size)?;
+            let truth = self.truth(subject, &view, &ways[0].combination.view(), size)?;
             let drawn = self.add(grouped, &ways, &view)?;
             self.view(&drawn, &view, ways, &truth)?;
             drawn.iter().flat_map(|d| &d.instances).for_each(|i| self.off.renderer.remove(i.cloud));
@@ -275,14 +275,14 @@ impl Bench<'_> {
         Ok(())
     }
 
-    fn truth(&self, subject: &Subject, view: &View, number: u32, size: [u32; 2]) -> Result<Truth> {
-        let _step = self.progress.step(format!("truth of view {}", number + 1), 1);
+    fn truth(&self, subject: &Subject, view: &View, name_of_view: &str, size: [u32; 2]) -> Result<Truth> {
+        let _step = self.progress.step(format!("truth of view {name_of_view}"), 1);
         let Subject { source, style, state, .. } = subject;
         let name = source.name();
         // Colours and radii depend on the look beyond the style.
         let look = &self.args.look;
         let version = env!("CARGO_PKG_VERSION");
-        let file = truth::file(&format!("{version} {state} {name} {view:?} {style:?} {look:?}"), number, size);
+        let file = truth::file(&format!("{version} {state} {name} {view:?} {style:?} {look:?}"), name_of_view, size);
         let picture = source.picture(&self.out.join(&file), view, size, style)?;
         Ok(Truth { image: truth::image(&picture, self.args.background), name, file })
     }
@@ -300,7 +300,8 @@ impl Bench<'_> {
         }
         let total = (self.args.rounds as usize * ways.len()) as u64;
         let [number, views] = ways[0].combination.view;
-        let step = self.progress.step(format!("view {} of {views}", number + 1), total);
+        let which = ways[0].combination.view_name.clone().unwrap_or_else(|| format!("{} of {views}", number + 1));
+        let step = self.progress.step(format!("view {which}"), total);
         for round in 0..self.args.rounds as usize {
             for (i, (way, record)) in ways.iter().zip(&mut records).enumerate() {
                 step.set((round * ways.len() + i) as u64, total);

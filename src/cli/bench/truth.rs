@@ -14,7 +14,7 @@ use surfel::style::Style;
 use surfel::technique::Technique;
 
 use super::super::reference::{self, SUPERSAMPLES};
-use super::super::{output, scene};
+use super::super::{output, placed, scene};
 use super::args::TruthKind;
 
 /// What truth is made from.
@@ -57,10 +57,14 @@ impl Source {
             return Ok(kept);
         }
         let picture = match self {
-            Source::Mesh(surfaces) => reference::mesh(surfaces, view, [width, height], style, SAMPLES),
+            Source::Mesh(surfaces) => {
+                let all = placed::as_read(surfaces.len());
+                reference::mesh(surfaces, &all, view, [width, height], style, SAMPLES)
+            }
             Source::Points(flats) => {
                 let clouds: Vec<Cloud> = flats.iter().map(|flat| Arc::clone(flat).into()).collect();
-                reference::splats(&clouds, view, [width, height], Technique::TWO_PASS, style, |scene| {
+                let all = reference::on(&clouds, &placed::as_read(flats.len()));
+                reference::splats(&all, view, [width, height], Technique::TWO_PASS, style, |scene| {
                     supersampled(scene, SUPERSAMPLES)
                 })
             }
@@ -79,6 +83,6 @@ pub fn image(picture: &FloatPicture, background: [u8; 4]) -> Image {
 }
 
 /// Where the truth of a view is kept, relative to the folder. `state` names all that it depends on beside view and size.
-pub fn file(state: &str, view: u32, [width, height]: [u32; 2]) -> String {
+pub fn file(state: &str, view: &str, [width, height]: [u32; 2]) -> String {
     format!("truth/{:016x}-{view}-{width}x{height}.exr", super::hash(state))
 }

@@ -64,13 +64,11 @@ impl Sequential {
     }
 
     /// Adds what the test of single entries may let pass, a span a list: all of it, and no list that lies outside the
-    /// picture or, with `cull_back`, faces away. `radius_scale` is the factor on stored radii
-    /// ([`Style::radius_scale`](crate::style::Style::radius_scale)).
+    /// picture or, with `cull_back`, faces away.
     pub fn select(
         &self,
         sight: &Sight,
         interval: Interval,
-        radius_scale: f32,
         cull_back: bool,
         instance: u32,
         out: &mut crate::select::DrawList,
@@ -78,7 +76,7 @@ impl Sequential {
         // The published test adds τ |p − p_parent|, which the key has for τ_max.
         let all = interval == Interval::Published && sight.eye.w != 0.0 && sight.test().tau > self.nodes.tau_max;
         for list in &self.lists {
-            if sight.misses(list.min, list.max, list.reach * radius_scale) || cull_back && list.faces_away(sight) {
+            if sight.misses(list.min, list.max, list.reach) || cull_back && list.faces_away(sight) {
                 continue;
             }
             let least = if all { 0.0 } else { sight.tau * sight.distance(list.min, list.max) };
