@@ -52,12 +52,10 @@ fn a_moved_cloud_is_a_moved_viewer() {
     let (out, file) = (folder.path("a.png"), folder.path("s.json"));
     let view = |x: f64| format!("--eye {},2,4 --target {x},0,0 --up y", x + 1.0);
     let (as_it_is, _) = render("scene:torus:2k", &out, &view(0.0));
-    fs::write(
-        &file,
-        r#"{"inputs": {"a": "scene:torus:2k"}, "instances": [{"of": "a", "translate": [1000, 0, 0]}]}"#,
-    )
-    .unwrap();
+    fs::write(&file, r#"{"inputs": {"a": "scene:torus:2k"}, "instances": [{"of": "a", "translate": [1000, 0, 0]}]}"#)
+        .unwrap();
     let (moved, _) = render(&file, &out, &view(1000.0));
-    let off = moved.pixels().zip(as_it_is.pixels()).filter(|(a, b)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 1));
+    let off =
+        moved.pixels().zip(as_it_is.pixels()).filter(|(a, b)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 1));
     assert!(off.count() < 10);
 }
