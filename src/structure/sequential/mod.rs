@@ -183,7 +183,7 @@ impl Entries<'_> {
         }
     }
 
-    /// One of the four bytes an entry has: of the cloud's points, or of an inner node.
+    /// Normal or colour of an entry, from those of the points or an inner node.
     fn word(&self, id: u32, points: &[u32], inner: impl Fn(&node::Inner) -> u32) -> u32 {
         match self.entry(id) {
             Entry::Leaf(i) => points[self.tree.leaves[i] as usize],
