@@ -179,8 +179,8 @@ pub struct StructureArgs {
     /// For sequential point trees: read from here if the file fits, else made and written here, so that it is made once.
     #[arg(long, value_name = "FILE")]
     pub tree: Option<PathBuf>,
-    /// For octrees: most points a block.
-    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..))]
+    /// For octrees, and for sequential without `--clusters`: most points a block.
+    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..1 << 24))]
     pub block: u32,
     /// For groups: c, 0 to 1. Splats share a group where their centres are farther apart than c times the sum of their radii.
     #[arg(long, value_name = "C", default_value_t = Relax::default().factor, allow_negative_numbers = true, value_parser = parse::factor)]

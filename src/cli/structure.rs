@@ -96,8 +96,9 @@ pub fn level(
         }
         anyhow::Ok((tree.bytes(), tree.moved, Cloud::from(Arc::new(tree))))
     };
-    let tree = |rule| {
-        let options = sequential::Options { rule, clusters: args.clusters, ..Default::default() };
+    let tree = |rule, blocks| {
+        let clusters = args.clusters && blocks == 0;
+        let options = sequential::Options { rule, clusters, blocks, ..Default::default() };
         let mut tree = match args.tree.as_deref().filter(|path| path.exists()) {
             Some(path) => {
                 let kept = Sequential::load(path)?;
@@ -122,13 +123,14 @@ pub fn level(
         anyhow::Ok((tree.bytes(), 0.0, Cloud::from(Arc::new(tree))))
     };
     let (bytes, moved, cloud) = match structure {
-        Structure::Sequential => tree(args.error)?,
-        Structure::OneSpt => tree(ErrorRule::Cell)?,
+        Structure::Sequential => tree(args.error, if args.clusters { 0 } else { args.block })?,
+        Structure::OneSpt => tree(ErrorRule::Cell, 0)?,
+        Structure::SptR => tree(ErrorRule::Cell, args.block)?,
         Structure::VboR => octree(octree::Preset::VboR)?,
         Structure::Espt => octree(octree::Preset::Espt)?,
         Structure::Mospt => octree(octree::Preset::Mospt)?,
         Structure::RGrid => octree(octree::Preset::RGrid)?,
-        other => bail!("--structure {other}: not built here"),
+        other => bail!("--structure {other}: is not one of levels"),
     };
     drop(step);
     let per_point = bytes as f64 / flat.len().max(1) as f64;

@@ -47,8 +47,9 @@ impl Cloud {
                 Preset::Mospt => Structure::Mospt,
                 Preset::RGrid => Structure::RGrid,
             },
-            Cloud::Sequential(tree) => match tree.options.rule {
-                ErrorRule::Cell => Structure::OneSpt,
+            Cloud::Sequential(tree) => match (tree.options.rule, tree.options.blocks) {
+                (ErrorRule::Cell, 0) => Structure::OneSpt,
+                (ErrorRule::Cell, _) => Structure::SptR,
                 _ => Structure::Sequential,
             },
         }

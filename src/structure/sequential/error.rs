@@ -131,6 +131,8 @@ pub fn inherited(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rng::Rng;
+    use crate::structure::nodes::{ErrorRule, Node, Test};
 
     #[test]
     fn errors_of_four_disks_in_a_square() {
@@ -163,5 +165,36 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn passing_is_inherited_head_on_in_single_floats() {
+        // Here the sine from 1 − cos² is rounding and nothing else.
+        let mut random = Rng::new(3);
+        let mut close = 0;
+        for k in 0..400_000 {
+            let mut vector = || DVec3::from([0; 3].map(|_: u8| 2.0 * random.unit() - 1.0));
+            let (n, at, shake) = (vector().normalize(), vector(), 10f64.powi(-3 - k % 4));
+            let m = (n + shake * vector()).normalize();
+            let eye = (at + 2.0 * (n + shake * vector())).as_vec3();
+            let (ep, et) = (up(0.001), up(0.001 * random.unit()));
+            let (p, t) = inherited(ep as f64, et as f64, Some((m, n)), 0.03, 0.0);
+            let node = |normal: DVec3, error: f32, tangential: f32| Node {
+                position: at.as_vec3().to_array(),
+                error,
+                normal: normal.as_vec3().to_array(),
+                tangential,
+            };
+            let (parent, child) = (node(n, up(p), up(t)), node(m, ep, et));
+            // About where the child begins to pass.
+            let v = (eye.as_dvec3() - at).normalize();
+            let limit = ep as f64 * (1.0 - m.dot(v).powi(2)).max(0.0).sqrt() + et as f64 * m.dot(v).abs();
+            let tau = (limit / 2.0 * (1.0 + 0.004 * (random.unit() - 0.5))) as f32;
+            let test = Test { eye: eye.extend(1.0).to_array(), tau };
+            let [above, below] = [parent, child].map(|node| test.passes(ErrorRule::Split, &node));
+            assert!(!above || below, "{test:?} {parent:?} {child:?}");
+            close += below as usize;
+        }
+        assert!((10_000..390_000).contains(&close), "{close}");
     }
 }

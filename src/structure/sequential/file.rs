@@ -26,6 +26,8 @@ const COLORS: u32 = 2;
 const CLOSED: u32 = 4;
 const CLUSTERED: u32 = 8;
 const PUBLISHED: u32 = 16;
+/// Above them.
+const BLOCKS: u32 = 8;
 
 impl List {
     fn words(&self) -> [u32; LIST] {
@@ -54,7 +56,7 @@ impl Sequential {
             (options.clusters, CLUSTERED),
             (options.published_errors, PUBLISHED),
         ];
-        let flags = flags.iter().filter(|f| f.0).map(|f| f.1).sum::<u32>();
+        let flags = flags.iter().filter(|f| f.0).map(|f| f.1).sum::<u32>() | options.blocks << BLOCKS;
         let mut header = Vec::with_capacity(HEADER);
         header.extend(MAGIC);
         let words = [VERSION, flags, options.rule as u32, options.tau_max.to_bits(), options.color_error.to_bits()];
@@ -133,7 +135,7 @@ impl Sequential {
             }
             end += list.count as u64;
         }
-        if end != entries || lists.len() > CLUSTERS + 2 {
+        if end != entries || flags >> BLOCKS == 0 && lists.len() > CLUSTERS + 2 {
             return Err(bad(28, "lists are not those of the entries"));
         }
         Ok(Sequential {
@@ -154,6 +156,7 @@ impl Sequential {
                 rule,
                 tau_max,
                 clusters: flags & CLUSTERED != 0,
+                blocks: flags >> BLOCKS,
                 color_error,
                 published_errors: flags & PUBLISHED != 0,
             },

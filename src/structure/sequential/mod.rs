@@ -64,6 +64,10 @@ pub struct Options {
     pub tau_max: f32,
     /// A list for each of [`CLUSTERS`] ranges of normals, so that those that face away are not submitted.
     pub clusters: bool,
+    /// A list for each part of the octree with at most so many points, below 2²⁴, as nearly as cells have it, and one for all that is above them: parts
+    /// outside the picture are not submitted, and each has its own least distance (SPTsR; unprocessed scans, 2006, section
+    /// 4.2). 0: no such lists.
+    pub blocks: u32,
     /// Spread of colours beyond which a node's error is its diameter: the largest difference of a leaf below it from its own
     /// colour, in the worst channel, in linear light from 0 to 1. 1 and more: colours do not matter.
     pub color_error: f32,
@@ -79,6 +83,7 @@ impl Default for Options {
             rule: ErrorRule::Geometric,
             tau_max: 1.0 / 32.0,
             clusters: false,
+            blocks: 0,
             color_error: 0.1,
             published_errors: false,
         }
@@ -111,9 +116,10 @@ impl Sequential {
     /// At most 2³¹ − 1 points. Memory is in proportion to their number, about 150 B each at worst.
     ///
     /// # Panics
-    /// Where `tau_max` is out of its range.
+    /// Where `tau_max` or `blocks` is out of its range, or lists are asked for by normal and by place.
     pub fn build(flat: &Flat, options: &Options) -> Sequential {
         assert!(options.tau_max > 0.0 && options.tau_max <= 0.5, "tau_max {}: 0 to 1/2", options.tau_max);
+        assert!(options.blocks < 1 << 24 && !(options.blocks > 0 && options.clusters), "lists: {options:?}");
         assert!(flat.len() < 1 << 31, "{} points: too many for a tree", flat.len());
         let usable = |&[x, y, z, r]: &[f32; 4]| {
             let p = Vec3::new(x, y, z).abs();
@@ -183,7 +189,7 @@ impl Entries<'_> {
         }
     }
 
-    /// One of the four bytes an entry has: of the cloud's points, or of an inner node.
+    /// Normal or colour of an entry, from those of the points or an inner node.
     fn word(&self, id: u32, points: &[u32], inner: impl Fn(&node::Inner) -> u32) -> u32 {
         match self.entry(id) {
             Entry::Leaf(i) => points[self.tree.leaves[i] as usize],
@@ -226,6 +232,32 @@ impl Entries<'_> {
         })
     }
 
+    /// Number of the list of each inner node's children: from 1 on in the order of the curve, 0 above the parts. The node at
+    /// the top of a part is above it, so that no box has to reach beyond its part for a parent.
+    fn parts(&self) -> Vec<u32> {
+        let inner = &self.tree.inner;
+        let mut leaves = vec![0u32; inner.len()];
+        self.tree.parents.iter().filter(|p| **p != NONE).for_each(|p| leaves[*p as usize] += 1);
+        // Children come before their parents.
+        for (i, node) in inner.iter().enumerate().filter(|(_, n)| n.parent != NONE) {
+            leaves[node.parent as usize] += leaves[i];
+        }
+        let mut parts = vec![0u32; inner.len()];
+        let mut count = 0;
+        for (i, node) in inner.iter().enumerate().rev() {
+            let above = if node.parent == NONE { 0 } else { parts[node.parent as usize] };
+            parts[i] = match above {
+                0 if leaves[i] <= self.options.blocks => {
+                    count += 1;
+                    count
+                }
+                above => above,
+            };
+        }
+        parts.iter_mut().filter(|p| **p > 0).for_each(|p| *p = count + 1 - *p);
+        parts
+    }
+
     fn list(self) -> Sequential {
         let inner = self.tree.inner.len();
         let odd_first = (self.tree.leaves.len() + inner) as u32;
@@ -234,6 +266,14 @@ impl Entries<'_> {
         let keys = self.keys();
         let mut runs = vec![Vec::new(); if self.options.clusters { CLUSTERS + 1 } else { 0 }];
         match &self.flat.normals {
+            _ if self.options.blocks > 0 => {
+                let parts = self.parts();
+                runs = vec![Vec::new(); parts.iter().max().map_or(1, |most| *most as usize + 1)];
+                for key in keys {
+                    let parent = self.parent(key as u32);
+                    runs[if parent == NONE { 0 } else { parts[parent as usize] as usize }].push(key);
+                }
+            }
             Some(normals) if self.options.clusters => {
                 for &key in &keys {
                     let normal = self.word(key as u32, normals, |inner| inner.normal);
