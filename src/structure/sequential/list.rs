@@ -79,9 +79,9 @@ impl Sequential {
             if sight.misses(list.min, list.max, list.reach) || cull_back && list.faces_away(sight) {
                 continue;
             }
-            let least = if all { 0.0 } else { sight.tau * sight.distance(list.min, list.max) };
-            // What is not a number asks for everything.
-            let needed = |entry: u32| !((self.key(entry as usize) as f64) < least);
+            // `max` takes 0 for what is not a number: everything.
+            let least = if all { 0.0 } else { (sight.tau * sight.distance(list.min, list.max)).max(0.0) };
+            let needed = |entry: u32| self.key(entry as usize) as f64 >= least;
             let (mut low, mut high) = (0, list.count);
             while low < high {
                 let middle = low + (high - low) / 2;
