@@ -15,18 +15,18 @@ use surfel::Instance;
 use surfel::load::{PointCloud, synthetic};
 use surfel::readback::Picture;
 use surfel::reference::{self, MARGIN_F32};
-use surfel::select::{DepthConvention, DrawList, View};
+use surfel::select::{DepthConvention, View, cut};
 use surfel::standalone::{Offscreen, Options, Shot, stress};
-use surfel::structure::Flat;
 use surfel::structure::groups::{Groups, Relax};
+use surfel::structure::{Cloud, Flat};
 use surfel::style::{BackFaces, Ellipse, EyeDome, Footprint, Shading, Style, Tolerance};
 use surfel::technique::{Blend, PRESETS, Technique};
 
 use crate::vulkan;
 
-const SIZE: [u32; 2] = [200, 140];
-const WEIGHTED: f64 = stress::TARGET;
-const UNWEIGHTED: f64 = 1e-5;
+pub const SIZE: [u32; 2] = [200, 140];
+pub const WEIGHTED: f64 = stress::TARGET;
+pub const UNWEIGHTED: f64 = 1e-5;
 
 /// Far from the origin: what f32 alone could not hold.
 const ORIGIN: DVec3 = DVec3::new(5e5, 4e6, 100.0);
@@ -109,27 +109,27 @@ fn styles() -> Vec<(&'static str, Style)> {
 }
 
 /// What is compared, and how far it may be off.
-struct Case<'a> {
-    name: String,
-    size: [u32; 2],
-    instances: &'a [(Arc<Flat>, Instance)],
-    view: &'a View,
-    technique: Technique,
-    style: &'a Style,
-    bound: f64,
+pub struct Case<'a> {
+    pub name: String,
+    pub size: [u32; 2],
+    pub instances: &'a [(Cloud, Instance)],
+    pub view: &'a View,
+    pub technique: Technique,
+    pub style: &'a Style,
+    pub bound: f64,
     /// Pixels that may be off further, all of them ties.
-    ties: usize,
+    pub ties: usize,
 }
 
 impl<'a> Case<'a> {
     /// Weighted splats as points, in a picture of [`SIZE`].
-    fn two_pass(name: String, instances: &'a [(Arc<Flat>, Instance)], view: &'a View, style: &'a Style) -> Case<'a> {
+    fn two_pass(name: String, instances: &'a [(Cloud, Instance)], view: &'a View, style: &'a Style) -> Case<'a> {
         let technique = Technique::TWO_PASS;
         Case { name, size: SIZE, instances, view, technique, style, bound: WEIGHTED, ties: FEW }
     }
 }
 
-fn check(off: &mut Offscreen, case: &Case) {
+pub fn check(off: &mut Offscreen, case: &Case) {
     let name = &case.name;
     let instances: Vec<Instance> = case.instances.iter().map(|(_, i)| *i).collect();
     let shot =
@@ -139,11 +139,13 @@ fn check(off: &mut Offscreen, case: &Case) {
     vulkan::hash(name, &picture);
 
     let scene: Vec<reference::Instance> =
-        case.instances.iter().map(|(flat, i)| reference::Instance { flat, transform: i.transform }).collect();
+        case.instances.iter().map(|(c, i)| reference::Instance { flat: c.flat(), transform: i.transform }).collect();
+    let placed: Vec<_> = case.instances.iter().map(|(cloud, i)| (cloud, i.transform)).collect();
+    let list = cut::drawn(&placed, case.view, case.size, case.style);
     let expected = reference::render(
         &reference::Scene {
             instances: &scene,
-            list: &DrawList::all(case.instances.iter().map(|(flat, _)| flat.len() as u32)),
+            list: &list,
             view: case.view,
             width: case.size[0],
             height: case.size[1],
@@ -163,7 +165,7 @@ fn check(off: &mut Offscreen, case: &Case) {
         (counts.drawn, counts.culled_frustum, counts.culled_cone, counts.culled_invalid),
         "{name}: drawn, outside, facing away, invalid"
     );
-    assert_eq!((culled.interval, culled.occluded), (0, 0), "{name}");
+    assert_eq!((culled.interval, culled.occluded), (stats.points_submitted - list.submitted(), 0), "{name}");
 
     let gain = match case.style.shading {
         _ if case.bound == UNWEIGHTED => 1.0,
@@ -209,10 +211,10 @@ fn check(off: &mut Offscreen, case: &Case) {
     assert!(covered > expected.rgba.len() / 14 || all_away, "{name}: only {covered} pixels show anything");
 }
 
-fn add(off: &mut Offscreen, cloud: &PointCloud) -> (Arc<Flat>, Instance) {
+fn add(off: &mut Offscreen, cloud: &PointCloud) -> (Cloud, Instance) {
     let flat = Arc::new(grouped(Flat::new(cloud)));
     let id = off.renderer.add(Arc::clone(&flat)).expect("a cloud");
-    (flat, Instance { cloud: id, transform: DMat4::IDENTITY })
+    (flat.into(), Instance { cloud: id, transform: DMat4::IDENTITY })
 }
 
 /// With groups that overlap themselves a little: what decides between them is tested too.
@@ -222,7 +224,7 @@ fn grouped(mut flat: Flat) -> Flat {
 }
 
 /// Less than one in ten thousand.
-const FEW: usize = (SIZE[0] * SIZE[1] / 10_000) as usize;
+pub const FEW: usize = (SIZE[0] * SIZE[1] / 10_000) as usize;
 
 fn every_view_and_style(options: &Options, presets: &[(&'static str, Technique)]) {
     vulkan::draw_with(options, SIZE, true, |off| {
@@ -378,7 +380,7 @@ fn the_reference_would_notice() {
             let (_, instance) = add(off, &sphere());
             let mut other = sphere();
             other.radii.as_mut().expect("radii").iter_mut().for_each(|r| *r *= 1.02);
-            let instances = [(Arc::new(Flat::new(&other)), instance)];
+            let instances = [(Cloud::from(Flat::new(&other)), instance)];
             let view = &views()[0].1;
             let style = Style { shading: Shading::None, ..Style::default() };
             let name = "wrong on purpose".into();

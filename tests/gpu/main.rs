@@ -21,6 +21,7 @@ mod host_target;
 mod host_targets;
 #[path = "../common/golden.rs"]
 mod kept;
+mod levels;
 mod one_pass;
 mod raw;
 mod scene_files;
