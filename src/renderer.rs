@@ -265,9 +265,9 @@ impl Renderer {
 
                 let (matrix, _) = camera.eye_from_cloud(&instance.transform, flat.origin);
                 let radius_scale = input.style.radius_scale as f64 * scale(&instance.transform);
-                let in_front = |blocks: &[Block]| whole_in_front(blocks, camera, &matrix, radius_scale);
                 let mut cloud_traits = *cloud_traits;
-                cloud_traits.closed &= in_front(&[cloud.bounds]) || in_front(&flat.blocks);
+                cloud_traits.closed =
+                    cloud_traits.closed && whole_in_front(flat.surface(), camera, &matrix, radius_scale);
                 let mut list = DrawList::default();
                 cut::cut(&cloud.cloud, &sight, input.style, plan.culls(input.style, &cloud_traits), 0, &mut list);
                 // A point of a given size is a sprite or, with quads, a quad: never cast.

@@ -30,8 +30,13 @@ fn eye_box(block: &Block, eye_from_cloud: &DMat4, r: f64) -> (DVec3, DVec3) {
 
 /// Whether all of a cloud lies beyond the near plane: only then is what faces away from the eye hidden by a closed
 /// surface, since the eye is outside it and the near plane opens it nowhere.
-pub fn whole_in_front(blocks: &[Block], camera: &Camera, eye_from_cloud: &DMat4, radius_scale: f64) -> bool {
-    blocks.iter().all(|b| -eye_box(b, eye_from_cloud, b.radius as f64 * radius_scale).1.z >= camera.near)
+pub fn whole_in_front(
+    blocks: impl IntoIterator<Item = Block>,
+    camera: &Camera,
+    eye_from_cloud: &DMat4,
+    radius_scale: f64,
+) -> bool {
+    blocks.into_iter().all(|b| -eye_box(&b, eye_from_cloud, b.radius as f64 * radius_scale).1.z >= camera.near)
 }
 
 /// Whether a block may hold such a splat. `radius_scale` takes stored to drawn radii.

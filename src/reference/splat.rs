@@ -97,7 +97,7 @@ impl<'a> Setup<'a> {
                 let origin = camera.eye(i.transform.transform_point3(i.flat.origin));
                 let scale = linear.determinant().abs().cbrt();
                 let linear = camera.rotation * linear;
-                let in_front = i.flat.blocks.iter().all(|b| {
+                let in_front = i.flat.surface().all(|b| {
                     let reach = b.radius as f64 * scene.style.radius_scale as f64 * scale;
                     (0..8).all(|corner| {
                         let pick = |axis: usize| if corner >> axis & 1 == 0 { b.min[axis] } else { b.max[axis] } as f64;

@@ -71,6 +71,7 @@ impl Flat {
             normals: self.normals.as_ref().map(|n| pick(&order, n)),
             colors: self.colors.as_ref().map(|c| pick(&order, c)),
             closed: self.closed,
+            finest: self.finest,
             groups: self.groups.as_ref().map(|g| super::Groups { of: pick(&order, &g.of), ..g.clone() }),
         }
     }

@@ -29,6 +29,9 @@ pub struct Flat {
     /// Groups of splats that do not overlap, a byte a point: for [`Blend::Groups`](crate::technique::Blend::Groups) alone.
     /// Absent until they are made ([`Groups::color`]) or loaded.
     pub groups: Option<Groups>,
+    /// Largest radius of the points that stand for nothing but themselves; `None` where all do. The larger ones of a
+    /// structure say nothing of where the surface is.
+    pub finest: Option<f32>,
 }
 
 /// Bounds of a run of points.
@@ -88,7 +91,14 @@ impl Flat {
                 .map(|c| c.iter().map(|&[r, g, b]| u32::from_le_bytes([r, g, b, 255])).collect()),
             closed: cloud.closed,
             groups: None,
+            finest: None,
         }
+    }
+
+    /// Bounds of the surface itself: the blocks, without what stands for others.
+    pub fn surface(&self) -> impl Iterator<Item = Block> + '_ {
+        let most = self.finest.unwrap_or(f32::INFINITY);
+        self.blocks.iter().map(move |b| Block { radius: b.radius.min(most), ..*b })
     }
 
     /// Two opposite corners of the centres' box, relative to the origin; both 0 without points.

@@ -341,6 +341,8 @@ impl Builder<'_> {
         });
         let geometry: Vec<[f32; 4]> = stored.iter().map(|s| s.geometry).collect();
         let moved = stored.iter().map(|s| s.moved).fold(0.0, f32::max);
+        let radius = |i: &Place| flat.geometry[i.1 as usize][3];
+        let finest = self.places.iter().map(radius).fold(0.0, f32::max);
         let made = Flat {
             origin: flat.origin,
             blocks: crate::structure::flat::blocks(&geometry),
@@ -349,6 +351,7 @@ impl Builder<'_> {
             colors: flat.colors.as_ref().map(|_| stored.iter().map(|s| s.color).collect()),
             closed: flat.closed,
             groups: None,
+            finest: Some(finest),
         };
         (made, moved)
     }

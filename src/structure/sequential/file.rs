@@ -138,6 +138,7 @@ impl Sequential {
         if end != entries || flags >> BLOCKS == 0 && lists.len() > CLUSTERS + 2 {
             return Err(bad(28, "lists are not those of the entries"));
         }
+        let finest = super::finest(&geometry, &links);
         Ok(Sequential {
             flat: Flat {
                 origin: DVec3::from_array([0, 1, 2].map(|i| f64::from_bits(number(i)))),
@@ -147,6 +148,7 @@ impl Sequential {
                 colors,
                 closed: flags & CLOSED != 0,
                 groups: None,
+                finest: Some(finest),
             },
             nodes: Nodes { links, nodes, rule, tau_max },
             lists,

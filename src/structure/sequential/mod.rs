@@ -306,6 +306,7 @@ impl Entries<'_> {
         let stream = |points: &Option<Vec<u32>>, f: fn(&node::Inner) -> u32| {
             points.as_ref().map(|points| self.each(&order, |id| self.word(id, points, f)))
         };
+        let finest = finest(&geometry, &links);
         let flat = Flat {
             origin: self.flat.origin,
             blocks: blocks(&geometry),
@@ -314,6 +315,7 @@ impl Entries<'_> {
             colors: stream(&self.flat.colors, |inner| inner.color),
             closed: self.flat.closed,
             groups: None,
+            finest: Some(finest),
         };
         let lists = lists(&flat, &links, &nodes, &ends, self.odd.len());
         Sequential {
@@ -326,6 +328,12 @@ impl Entries<'_> {
             lists,
         }
     }
+}
+
+/// Largest radius of the leaves.
+fn finest(geometry: &[[f32; 4]], links: &[[u32; 2]]) -> f32 {
+    let leaves = geometry.iter().zip(links).filter(|(_, link)| link[0] == NONE);
+    leaves.map(|(g, _)| g[3]).filter(|r| r.is_finite()).fold(0.0, f32::max)
 }
 
 /// What is known of each run of entries; the first `odd` have no place in any box.
