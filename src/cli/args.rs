@@ -170,6 +170,22 @@ pub struct StructureArgs {
     /// view of the picture.
     #[arg(long, value_name = "ORDER", default_value = "as-read", value_parser = axis(Arrangement::ALL))]
     pub storage: Arrangement,
+    #[command(flatten)]
+    pub levels: LevelArgs,
+    /// For groups: c, 0 to 1. Splats share a group where their centres are farther apart than c times the sum of their radii.
+    #[arg(long, value_name = "C", default_value_t = Relax::default().factor, allow_negative_numbers = true, value_parser = parse::factor)]
+    pub group_factor: f32,
+    /// For groups: most of them, each a layer of attachments. Where they are not enough, splats of one group overlap more.
+    #[arg(long, value_name = "K", default_value_t = Relax::default().limit, value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub group_limit: u32,
+    /// For groups: read from here if the file fits, else made and written here, so that they are made once.
+    #[arg(long, value_name = "FILE")]
+    pub groups: Option<PathBuf>,
+}
+
+/// How structures with levels of detail are built.
+#[derive(Debug, Args)]
+pub struct LevelArgs {
     /// For sequential: which error of a node is held against the threshold.
     #[arg(long, value_name = "geometric|split|diameter", default_value = "geometric", value_parser = axis(&ErrorRule::ALL[..3]))]
     pub error: ErrorRule,
@@ -182,15 +198,6 @@ pub struct StructureArgs {
     /// For octrees, and for sequential without `--clusters`: most points a block.
     #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..1 << 24))]
     pub block: u32,
-    /// For groups: c, 0 to 1. Splats share a group where their centres are farther apart than c times the sum of their radii.
-    #[arg(long, value_name = "C", default_value_t = Relax::default().factor, allow_negative_numbers = true, value_parser = parse::factor)]
-    pub group_factor: f32,
-    /// For groups: most of them, each a layer of attachments. Where they are not enough, splats of one group overlap more.
-    #[arg(long, value_name = "K", default_value_t = Relax::default().limit, value_parser = clap::value_parser!(u32).range(1..=256))]
-    pub group_limit: u32,
-    /// For groups: read from here if the file fits, else made and written here, so that they are made once.
-    #[arg(long, value_name = "FILE")]
-    pub groups: Option<PathBuf>,
 }
 
 /// How the surface looks, whatever draws it.

@@ -11,7 +11,7 @@ use surfel::structure::nodes::{self, ErrorRule};
 use surfel::structure::{Arrangement, Cloud, Flat, Groups, Octree, Sequential, octree, sequential};
 use surfel::technique::{Blend, Structure, Technique};
 
-use super::args::StructureArgs;
+use super::args::{LevelArgs, StructureArgs};
 use super::progress::Progress;
 use super::report::grouped;
 use super::{Usage, output};
@@ -25,7 +25,7 @@ pub fn check(args: &StructureArgs, technique: &Technique, inputs: usize) -> Resu
         ))
         .into());
     }
-    if let Some(path) = &args.tree {
+    if let Some(path) = &args.levels.tree {
         if !matches!(technique.structure, Structure::Sequential | Structure::OneSpt | Structure::SptR) {
             return Err(Usage(format!(
                 "--tree is for sequential point trees, not for --structure {}",
@@ -65,7 +65,7 @@ pub fn build(
     for mut flat in flats {
         if technique.structure != Structure::Flat {
             let relax = grouped.then(|| relax(args));
-            let (cloud, sentence) = level(&flat, technique.structure, args, relax.as_ref(), progress)?;
+            let (cloud, sentence) = level(&flat, technique.structure, &args.levels, relax.as_ref(), progress)?;
             said.push(sentence);
             built.push(cloud);
             continue;
@@ -82,7 +82,7 @@ pub fn build(
 pub fn level(
     flat: &Flat,
     structure: Structure,
-    args: &StructureArgs,
+    args: &LevelArgs,
     relax: Option<&Relax>,
     progress: &Progress,
 ) -> Result<(Cloud, String)> {

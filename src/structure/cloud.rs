@@ -37,6 +37,24 @@ impl Cloud {
         }
     }
 
+    /// Points of the input.
+    pub fn points(&self) -> usize {
+        match self {
+            Cloud::Flat(flat) => flat.len(),
+            Cloud::Octree(octree) => octree.points as usize,
+            Cloud::Sequential(tree) => tree.leaves as usize,
+        }
+    }
+
+    /// Bytes of all that a view needs, here and on the device.
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Cloud::Flat(flat) => flat.bytes(),
+            Cloud::Octree(octree) => octree.bytes(),
+            Cloud::Sequential(tree) => tree.bytes(),
+        }
+    }
+
     /// The value on the axis of structures.
     pub fn structure(&self) -> Structure {
         match self {

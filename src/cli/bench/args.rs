@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::super::args::{LensArgs, LookArgs, axis, inputs};
+use super::super::args::{LensArgs, LevelArgs, LookArgs, axis, inputs};
 use super::super::camera::Named;
 use super::super::parse::{self, Input, MAX_POINTS};
 use surfel::structure::Arrangement;
 use surfel::structure::groups::Relax;
-use surfel::style::{Ellipse, Front, SumPrecision, Voronoi};
-use surfel::technique::{PRESETS, Technique};
+use surfel::style::{Ellipse, Front, Interval, SumPrecision, Voronoi};
+use surfel::technique::{PRESETS, Selection, Structure, Technique};
 
 /// Measures time against error. `surfel bench raw` measures what the device could do at best.
 #[derive(Debug, Args)]
@@ -100,6 +100,18 @@ pub struct SweepArgs {
     /// Techniques by name [default: all].
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = axis(PRESETS))]
     pub techniques: Vec<Technique>,
+    /// How points are arranged: each technique with each of these.
+    #[arg(long, value_name = "NAME,…", default_value = "flat", value_delimiter = ',', value_parser = axis(Structure::ALL))]
+    pub structures: Vec<Structure>,
+    /// For structures with levels of detail: thresholds in pixels.
+    #[arg(long, value_name = "PX,…", default_value = "1", value_delimiter = ',', value_parser = parse::positive)]
+    pub thresholds: Vec<f64>,
+    /// For structures that are tested point by point: where.
+    #[arg(long, value_name = "NAME,…", default_value = "compute", value_delimiter = ',', value_parser = axis(Selection::ALL))]
+    pub selections: Vec<Selection>,
+    /// For those: which test.
+    #[arg(long, value_name = "NAME,…", default_value = "exact", value_delimiter = ',', value_parser = axis(Interval::ALL))]
+    pub intervals: Vec<Interval>,
     /// How outlines are computed.
     #[arg(long, value_name = "NAME,…", default_value = "exact", value_delimiter = ',', value_parser = axis(Ellipse::ALL))]
     pub ellipses: Vec<Ellipse>,
@@ -127,6 +139,8 @@ pub struct SweepArgs {
     /// Numbers of points: the faces are sampled evenly so often, instead of drawing the vertices.
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=MAX_POINTS as i64))]
     pub samples: Vec<u32>,
+    #[command(flatten)]
+    pub levels: LevelArgs,
     /// What the pictures are judged by.
     #[arg(long, value_enum, default_value = "auto")]
     pub truth: TruthKind,

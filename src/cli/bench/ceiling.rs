@@ -1,7 +1,5 @@
 //! What the device does at best with as many points of that size: the ceiling beside every technique's rate.
 
-use std::sync::Arc;
-
 use anyhow::Result;
 use glam::DVec3;
 use serde::Serialize;
@@ -10,7 +8,7 @@ use surfel::measure::Summary;
 use surfel::select::View;
 use surfel::standalone::Standalone;
 use surfel::standalone::raw::{self, Case, Color, Passes, Vertices};
-use surfel::structure::Flat;
+use surfel::structure::Cloud;
 use surfel::style::Style;
 use surfel::technique::{Blend, Primitive, Technique};
 
@@ -109,11 +107,11 @@ pub fn of(record: &Record, ceilings: &[Ceiling]) -> Option<f64> {
 }
 
 /// Root of the mean squared side of the squares round the disks whose centres are in the picture \[px\]; 0 for none.
-pub fn footprint(flats: &[Arc<Flat>], view: &View, [_, height]: [u32; 2], style: &Style) -> f64 {
+pub fn footprint(clouds: &[Cloud], view: &View, [_, height]: [u32; 2], style: &Style) -> f64 {
     let focal = view.focal(height as f64);
     let clip = view.projection * view.view;
     let (mut sum, mut n) = (0.0, 0);
-    for flat in flats {
+    for flat in clouds.iter().map(Cloud::flat) {
         for &[x, y, z, r] in flat.geometry.iter().step_by((flat.len() / FOOTPRINTS).max(1)) {
             let p = flat.origin + DVec3::new(x as f64, y as f64, z as f64);
             let c = clip * p.extend(1.0);

@@ -6,8 +6,8 @@ use std::fs;
 use anyhow::{Context, Result};
 
 use surfel::structure::Arrangement;
-use surfel::style::{Ellipse, Front, Style, SumPrecision, Tolerance, Voronoi};
-use surfel::technique::{Blend, PRESETS, Technique};
+use surfel::style::{Ellipse, Front, Interval, Style, SumPrecision, Tolerance, Voronoi};
+use surfel::technique::{Blend, PRESETS, Selection, Structure, Technique};
 
 use super::super::Usage;
 use super::super::camera::Pose;
@@ -29,6 +29,7 @@ pub struct Form {
     /// c of the groups, where there are any.
     pub factor: Option<f32>,
     pub storage: Arrangement,
+    pub structure: Structure,
 }
 
 /// What an input is called in results.
@@ -94,13 +95,34 @@ pub fn plan(args: &SweepArgs, input: &str, state: &str) -> Vec<Combination> {
         args.voronois.len(),
         args.factors.len(),
         args.storages.len(),
+        args.structures.len(),
+        args.thresholds.len(),
+        args.selections.len(),
+        args.intervals.len(),
     ];
     let places = args.sizes.iter().flat_map(|&size| samples(args).into_iter().map(move |samples| (size, samples)));
     for (size, samples) in places {
         for view in 0..args.views.len() {
             for (name, technique) in PRESETS.iter().filter(|(_, t)| wanted(t)) {
                 let [fuzzy, groups] = [Blend::Fuzzy, Blend::Groups].map(|b| technique.blend == b);
-                for [ellipse, scale, sums, tolerance, front, voronoi, factor, storage] in indices(choices) {
+                for [
+                    ellipse,
+                    scale,
+                    sums,
+                    tolerance,
+                    front,
+                    voronoi,
+                    factor,
+                    storage,
+                    structure,
+                    threshold,
+                    selection,
+                    interval,
+                ] in indices(choices)
+                {
+                    let structure = args.structures[structure];
+                    let flat = structure == Structure::Flat;
+                    let tested = matches!(structure, Structure::Sequential | Structure::OneSpt | Structure::SptR);
                     add(Combination {
                         input: input.to_owned(),
                         input_state: state.to_owned(),
@@ -114,7 +136,12 @@ pub fn plan(args: &SweepArgs, input: &str, state: &str) -> Vec<Combination> {
                         front: fuzzy.then(|| args.fronts[front].name().to_owned()),
                         voronoi: groups.then(|| args.voronois[voronoi].name().to_owned()),
                         factor: groups.then(|| args.factors[factor]),
-                        storage: args.storages[storage].name().to_owned(),
+                        // Other structures have an order of their own.
+                        storage: if flat { args.storages[storage] } else { Arrangement::AsRead }.name().to_owned(),
+                        structure: structure.name().to_owned(),
+                        threshold: (!flat).then(|| args.thresholds[threshold]),
+                        selection: tested.then(|| args.selections[selection].name().to_owned()),
+                        interval: tested.then(|| args.intervals[interval].name().to_owned()),
                         view: [view, args.views.len()],
                         view_name: args.views.name(view),
                         size,
@@ -145,6 +172,8 @@ pub fn way(combination: &Combination, style: &Style) -> Result<Way> {
     let other = "a name of another version";
     let front = combination.front.as_deref().map(|name| Front::named(name).context(other)).transpose()?;
     let voronoi = combination.voronoi.as_deref().map(|name| Voronoi::named(name).context(other)).transpose()?;
+    let interval = combination.interval.as_deref().map(|name| Interval::named(name).context(other)).transpose()?;
+    let selection = combination.selection.as_deref().map(|name| Selection::named(name).context(other)).transpose()?;
     let style = Style {
         ellipse: Ellipse::named(&combination.ellipse).context(other)?,
         sums: SumPrecision::named(&combination.sums).context(other)?,
@@ -152,10 +181,15 @@ pub fn way(combination: &Combination, style: &Style) -> Result<Way> {
         tolerance: Tolerance { absolute: 0.0, relative: combination.tolerance as f32 },
         front: front.unwrap_or(style.front),
         voronoi: voronoi.unwrap_or(style.voronoi),
+        threshold: combination.threshold.map_or(style.threshold, |px| px as f32),
+        interval: interval.unwrap_or(style.interval),
         ..*style
     };
-    let technique = Technique::named(&combination.technique).context(other)?;
-    let form = Form { factor: combination.factor, storage: Arrangement::named(&combination.storage).context(other)? };
+    let preset = Technique::named(&combination.technique).context(other)?;
+    let structure = Structure::named(&combination.structure).context(other)?;
+    let technique = Technique { structure, selection: selection.unwrap_or(preset.selection), ..preset };
+    let storage = Arrangement::named(&combination.storage).context(other)?;
+    let form = Form { factor: combination.factor, storage, structure };
     Ok(Way { combination: combination.clone(), technique, style, form })
 }
 
@@ -226,7 +260,7 @@ mod tests {
         let way = self::way(&plan(&args, "a", "s")[0], &Style::default()).unwrap();
         assert_eq!(
             (way.form, way.style.voronoi),
-            (Form { factor: Some(0.5), storage: Arrangement::Random }, Voronoi::Slabs)
+            (Form { factor: Some(0.5), storage: Arrangement::Random, structure: Structure::Flat }, Voronoi::Slabs)
         );
     }
 }

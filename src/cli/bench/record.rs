@@ -41,6 +41,17 @@ pub struct Combination {
     /// Order of storage.
     #[serde(default = "as_read")]
     pub storage: String,
+    /// How points are arranged.
+    #[serde(default = "flat")]
+    pub structure: String,
+    /// Level of detail \[px\]; none for structures without.
+    #[serde(default)]
+    pub threshold: Option<f64>,
+    /// Where points are tested one by one, and how; none where they are not.
+    #[serde(default)]
+    pub selection: Option<String>,
+    #[serde(default)]
+    pub interval: Option<String>,
     /// Number of the view, and how many there are.
     pub view: [u32; 2],
     /// Its name, where it has one: then its number says nothing.
@@ -53,6 +64,10 @@ pub struct Combination {
 /// What all results before there was a choice had.
 fn as_read() -> String {
     "as-read".into()
+}
+
+fn flat() -> String {
+    "flat".into()
 }
 
 impl Combination {
@@ -71,6 +86,12 @@ impl Combination {
     /// The part that is chosen, whatever is looked at: points of one plot with the same way belong together.
     pub fn way(&self) -> String {
         let mut text = self.technique.clone();
+        if self.structure != "flat" {
+            let _ = write!(text, " {}", self.structure);
+        }
+        if let Some(px) = self.threshold {
+            let _ = write!(text, " {px} px");
+        }
         if self.ellipse != "exact" {
             let _ = write!(text, " {}", self.ellipse);
         }
@@ -86,8 +107,14 @@ impl Combination {
         if let Some(c) = self.factor {
             let _ = write!(text, " c {c}");
         }
-        let unusual = [(&self.front, "nearest"), (&self.voronoi, "cones"), (&Some(self.storage.clone()), "as-read")]
-            .map(|(name, usual)| name.clone().filter(|n| n != usual));
+        let unusual = [
+            (&self.front, "nearest"),
+            (&self.voronoi, "cones"),
+            (&Some(self.storage.clone()), "as-read"),
+            (&self.selection, "compute"),
+            (&self.interval, "exact"),
+        ]
+        .map(|(name, usual)| name.clone().filter(|n| n != usual));
         for name in unusual.into_iter().flatten() {
             let _ = write!(text, " {name}");
         }
@@ -110,6 +137,12 @@ pub struct Record {
     #[serde(default)]
     pub layers: u32,
     pub device_bytes: u64,
+    /// Bytes of the structure, for each point of the input.
+    #[serde(default)]
+    pub bytes_a_point: f64,
+    /// Points that no test of a structure let pass.
+    #[serde(default)]
+    pub culled_interval: u64,
     /// Root of the mean squared side of a footprint \[px\].
     pub footprint: f64,
     /// Times of the splat passes and the composite on the device \[ms\], every timed frame; empty without timestamps.
@@ -184,6 +217,8 @@ const COLUMNS: &[Column] = &[
     ("frame_ms_median", |r| Summary::of(&r.frame_ms).map(|s| s.median)),
     ("layers", |r| Some(r.layers as f64)),
     ("device_bytes", |r| Some(r.device_bytes as f64)),
+    ("bytes_a_point", |r| Some(r.bytes_a_point)),
+    ("culled_interval", |r| Some(r.culled_interval as f64)),
     ("footprint_px", |r| Some(r.footprint)),
 ];
 

@@ -14,8 +14,9 @@ use surfel::measure::{self, Image};
 use surfel::select::View;
 use surfel::standalone::{DeviceInfo, Offscreen, Options, Shot, Standalone, stress};
 use surfel::structure::groups::Relax;
-use surfel::structure::{Arrangement, Flat, Groups};
+use surfel::structure::{Arrangement, Cloud, Flat, Groups};
 use surfel::style::Style;
+use surfel::technique::Structure;
 use surfel::{FrameStats, Instance};
 
 use super::super::parse::{Input, Radius};
@@ -87,7 +88,7 @@ pub fn run(args: &SweepArgs, out: &Path, progress: &Progress) -> Result<Sweep> {
     let journal = Journal::open(out, &common)?;
     // Of the smallest size: every view asks for its own.
     let off = Offscreen::new(standalone, vk::Extent2D { width: 1, height: 1 }, true)?;
-    let mut bench = Bench { args, out, progress, journal, off };
+    let mut bench = Bench { args, out, progress, journal, off, leveled: Vec::new() };
     bench.off.renderer.upload_budget = 256 << 20;
     let done: Result<_> = (|| {
         let inputs = args.inputs.iter().map(|input| bench.input(input)).collect::<Result<Vec<_>>>()?;
@@ -137,7 +138,7 @@ struct Subject {
 /// What is drawn of it, by the form in which the device has it.
 struct Drawn {
     form: Form,
-    flats: Vec<Arc<Flat>>,
+    clouds: Vec<Cloud>,
     instances: Vec<Instance>,
 }
 
@@ -147,12 +148,20 @@ struct Grouped {
     flats: Vec<Arc<Flat>>,
 }
 
+/// Clouds in a structure, and what it was built of.
+struct Leveled {
+    form: Form,
+    of: Vec<Arc<Flat>>,
+    clouds: Vec<Cloud>,
+}
+
 struct Bench<'a> {
     args: &'a SweepArgs,
     out: &'a Path,
     progress: &'a Progress,
     journal: Journal,
     off: Offscreen,
+    leveled: Vec<Leveled>,
 }
 
 impl Bench<'_> {
@@ -223,19 +232,52 @@ impl Bench<'_> {
             if all.iter().any(|drawn| drawn.form == form) {
                 continue;
             }
+            if form.structure != Structure::Flat {
+                // Built once for all views and sizes.
+                let clouds = self.leveled(grouped, form)?;
+                let instances = self.instances(&clouds)?;
+                all.push(Drawn { form, clouds, instances });
+                continue;
+            }
             let flats = &grouped.iter().find(|g| g.factor == form.factor).context("groups of every c")?.flats;
             let arrange = |flat: &Arc<Flat>| match form.storage {
                 Arrangement::AsRead => Arc::clone(flat),
                 how => Arc::new(structure::arrange(Flat::clone(flat), how, view, self.progress)),
             };
-            let flats: Vec<Arc<Flat>> = flats.iter().map(arrange).collect();
-            let add = |flat: &Arc<Flat>| {
-                Ok(Instance { cloud: self.off.renderer.add(Arc::clone(flat))?, transform: DMat4::IDENTITY })
-            };
-            let instances = flats.iter().map(add).collect::<Result<_>>()?;
-            all.push(Drawn { form, flats, instances });
+            let clouds: Vec<Cloud> = flats.iter().map(|flat| arrange(flat).into()).collect();
+            let instances = self.instances(&clouds)?;
+            all.push(Drawn { form, clouds, instances });
         }
         Ok(all)
+    }
+
+    fn instances(&mut self, clouds: &[Cloud]) -> Result<Vec<Instance>> {
+        let add =
+            |cloud: &Cloud| Ok(Instance { cloud: self.off.renderer.add(cloud.clone())?, transform: DMat4::IDENTITY });
+        clouds.iter().map(add).collect()
+    }
+
+    /// The clouds in a structure with levels, made once for all views.
+    fn leveled(&mut self, grouped: &[Grouped], form: Form) -> Result<Vec<Cloud>> {
+        let plain = &grouped[0].flats;
+        let same = |kept: &&Leveled| {
+            kept.form == form
+                && kept.of.len() == plain.len()
+                && kept.of.iter().zip(plain).all(|(a, b)| Arc::ptr_eq(a, b))
+        };
+        if let Some(kept) = self.leveled.iter().find(same) {
+            return Ok(kept.clouds.clone());
+        }
+        let relax = form.factor.map(|factor| Relax { factor, ..Relax::default() });
+        let build = |flat: &Arc<Flat>| {
+            let built = structure::level(flat, form.structure, &self.args.levels, relax.as_ref(), self.progress);
+            built.map(|(cloud, _)| cloud)
+        };
+        let clouds: Vec<Cloud> = plain.iter().map(build).collect::<Result<_>>()?;
+        // Those of another input, or sampled otherwise, are not drawn again.
+        self.leveled.retain(|kept| kept.of.iter().zip(plain).all(|(a, b)| Arc::ptr_eq(a, b)));
+        self.leveled.push(Leveled { form, of: plain.clone(), clouds: clouds.clone() });
+        Ok(clouds)
     }
 
     /// The faces, sampled `n` times.
@@ -332,7 +374,9 @@ impl Bench<'_> {
             draw_calls: stats.draw_calls,
             layers: stats.layers,
             device_bytes: stats.device_bytes,
-            footprint: ceiling::footprint(&drawn.flats, view, combination.size, &way.style),
+            bytes_a_point: self.bytes_a_point(drawn),
+            culled_interval: stats.culled.map_or(0, |c| c.interval),
+            footprint: ceiling::footprint(&drawn.clouds, view, combination.size, &way.style),
             gpu_ms: Vec::new(),
             frame_ms: Vec::new(),
             errors: compare::value(&difference, TOLERANCE),
@@ -341,6 +385,12 @@ impl Bench<'_> {
             picture: file,
             combination,
         })
+    }
+
+    fn bytes_a_point(&self, drawn: &Drawn) -> f64 {
+        let bytes: u64 = drawn.clouds.iter().map(Cloud::bytes).sum();
+        let points: usize = drawn.clouds.iter().map(Cloud::points).sum();
+        bytes as f64 / points.max(1) as f64
     }
 
     /// The whole stress suite, for the report.
