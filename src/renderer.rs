@@ -14,7 +14,7 @@ use crate::draw::list::Listing;
 use crate::draw::params::{Camera, frame_params, scale};
 use crate::draw::plan::{CloudTraits, FramePlan, Surroundings};
 use crate::draw::slot::{PARAMS_STRIDE, Read, Slot};
-use crate::draw::splats::{Bindings, Draw, RUN_STAGES, quad_indices, runs};
+use crate::draw::splats::{Bindings, Draw, RUN_STAGES, Run, quad_indices, runs};
 use crate::draw::targets::{TargetPlan, Targets};
 use crate::draw::variant::{Large, Pipelines, Role, Step, Variant, shaders};
 use crate::draw::{count, fuzzy, groups, list, opaque, two_pass};
@@ -284,23 +284,29 @@ impl Renderer {
                     (0..).zip(&flat.blocks).filter(|(_, b)| may_be_large(&widened(b))).map(|(i, _)| i).collect()
                 };
                 let chunks: Vec<[u32; 2]> = cloud.chunks.iter().map(|c| [c.first, c.count]).collect();
-                let mut runs = runs(&list.spans, &chunks, &flat.blocks, &large);
+                let submitted = runs(&list.spans, &chunks, &flat.blocks, &large);
                 let variant = |large| {
                     Variant::new(Role::Visibility, &plan, input.style, &cloud_traits, &targets_plan, large, pairs)
                 };
                 let main = variant(Large::Never);
                 let offset = (params.len() as u64 * PARAMS_STRIDE) as u32;
                 let listed = main.test.is_some() && input.technique.selection == Selection::Compute;
-                if listed {
-                    for run in &mut runs {
-                        let place = [i, run.chunk];
-                        run.range = Some(listing.add(place, offset, main.test, run.first, run.count));
-                    }
-                }
+                let drawn = if listed {
+                    let alike = |a: &Run, b: &Run| (a.chunk, a.large) == (b.chunk, b.large);
+                    let range = |part: &[Run]| Run {
+                        range: Some(listing.add([i, part[0].chunk], offset, main.test, part)),
+                        count: part.iter().map(|r| r.count).sum(),
+                        ..part[0]
+                    };
+                    submitted.chunk_by(alike).map(range).collect()
+                } else {
+                    submitted.clone()
+                };
                 draws.push(Draw {
                     cloud: i,
                     params: offset,
-                    runs,
+                    submitted,
+                    runs: drawn,
                     test: main.test,
                     main: main.of_list(listed),
                     // Where the order counts, what a sprite cannot hold must not come after everything else.
@@ -338,7 +344,7 @@ impl Renderer {
             lists.write(&listing);
         }
 
-        stats.points_submitted = views.iter().flatten().map(Draw::submitted).sum();
+        stats.points_submitted = views.iter().flatten().map(Draw::points).sum();
         let clouds: Vec<CloudId> = input.instances.iter().map(|i| i.cloud).collect();
         let cloud_refs: Vec<&DeviceCloud> = clouds.iter().map(|id| &self.clouds[id]).collect();
         let slot_ref = &mut self.slots[slot];

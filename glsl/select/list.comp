@@ -3,7 +3,7 @@
 #include "params.glsl"
 #include "list.glsl"
 
-layout(local_size_x = 256) in;
+layout(local_size_x = 64) in;
 
 layout(set = 2, binding = 3, std430) readonly buffer Marks { uint marks[]; };
 layout(set = 2, binding = 4, std430) readonly buffer Places { uint places[]; };

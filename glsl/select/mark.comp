@@ -4,7 +4,7 @@
 #include "interval.glsl"
 #include "list.glsl"
 
-layout(local_size_x = 256) in;
+layout(local_size_x = 64) in;
 
 layout(set = 1, binding = 0, std430) readonly buffer Geometry { vec4 geometry[]; };
 layout(set = 2, binding = 3, std430) writeonly buffer Marks { uint marks[]; };

@@ -9,20 +9,22 @@ layout(set = 2, binding = 2, std430) readonly buffer Ranges { Range ranges[]; };
 layout(set = 2, binding = 4, std430) buffer Places { uint places[]; };
 layout(set = 2, binding = 6, std430) writeonly buffer Commands { Command commands[]; };
 
-shared uint sums[LANES];
+const uint SUMS = 256u;
+
+shared uint sums[SUMS];
 
 void main() {
     uint lane = gl_LocalInvocationIndex;
     uint number = run.first + gl_WorkGroupID.x;
     Range range = ranges[number];
     uint before = 0u;
-    for (uint start = 0u; start < range.tiles; start += LANES) {
+    for (uint start = 0u; start < range.tiles; start += SUMS) {
         uint i = start + lane;
         uint own = i < range.tiles ? places[range.first + i] : 0u;
         sums[lane] = own;
         barrier();
         // Hillis and Steele 1986.
-        for (uint step = 1u; step < LANES; step <<= 1) {
+        for (uint step = 1u; step < SUMS; step <<= 1) {
             uint left = lane >= step ? sums[lane - step] : 0u;
             barrier();
             sums[lane] += left;
@@ -31,7 +33,7 @@ void main() {
         if (i < range.tiles) {
             places[range.first + i] = range.base + before + sums[lane] - own;
         }
-        before += sums[LANES - 1u];
+        before += sums[SUMS - 1u];
         barrier();
     }
     if (lane == 0u) {

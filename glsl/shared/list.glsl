@@ -1,8 +1,8 @@
 // Stable compaction: the numbers of the points in the cut, in stored order, as an index list and what draws it. Tiles of
 // consecutive points are marked a bit a point, tiles of a range are summed up, then every tile writes from its own place on.
 // No atomic decides an order: two runs write the same bytes. Twin: src/draw/list.rs.
-const uint LANES = 256u;
-const uint TILE = 2048u;            // points
+const uint LANES = 64u;             // few, since many tiles are not full
+const uint TILE = 512u;             // points
 const uint WORDS = TILE / 32u;      // marks of a tile
 
 struct Range {

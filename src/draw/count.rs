@@ -27,7 +27,7 @@ pub fn record(recorder: &mut Recorder, bindings: &Bindings, counts: &Buffer, vie
             let variant = draw.main.count(draw.test);
             let (layout, point) = (bindings.program.layout, vk::PipelineBindPoint::COMPUTE);
             context.bind_pipeline(cmd, point, bindings.pipelines.get(&variant));
-            for run in &draw.runs {
+            for run in &draw.submitted {
                 let chunk = &bindings.clouds[draw.cloud].chunks[run.chunk];
                 context.bind_sets(
                     cmd,

@@ -13,11 +13,11 @@ use crate::gpu::resource::Buffer;
 use crate::structure::nodes::ErrorRule;
 use crate::style::Interval;
 
-use super::splats::{Bindings, RUN_STAGES};
+use super::splats::{Bindings, RUN_STAGES, Run};
 use super::variant::{Step, Variant};
 
 /// Points a tile, as in `glsl/shared/list.glsl`.
-const TILE: u32 = 2048;
+const TILE: u32 = 512;
 /// Bytes of a tile's marks.
 const MARKS: u64 = TILE as u64 / 8;
 /// Groups of a dispatch: the least limit that a device has.
@@ -46,11 +46,14 @@ struct Job {
 }
 
 impl Listing {
-    /// Adds points of a chunk as a range of their own, to be tested as `test` says, and returns its number.
-    pub fn add(&mut self, [cloud, chunk]: [usize; 2], params: u32, test: Test, first: u32, count: u32) -> u32 {
+    /// Adds runs of one chunk, to be tested as `test` says, as one range: their points are drawn by one call, wherever they
+    /// lie. Returns its number.
+    pub fn add(&mut self, [cloud, chunk]: [usize; 2], params: u32, test: Test, runs: &[Run]) -> u32 {
         let start = self.tiles.len() as u32;
-        let end = first + count;
-        self.tiles.extend((first..end).step_by(TILE as usize).map(|at| [at, TILE.min(end - at)]));
+        for run in runs {
+            let end = run.first + run.count;
+            self.tiles.extend((run.first..end).step_by(TILE as usize).map(|at| [at, TILE.min(end - at)]));
+        }
         let tiles = start..self.tiles.len() as u32;
         self.ranges.push(Range {
             first: start,
@@ -59,7 +62,7 @@ impl Listing {
             unused: 0,
             padding: [],
         });
-        self.entries += count as u64;
+        self.entries += runs.iter().map(|r| r.count as u64).sum::<u64>();
         match self.jobs.last_mut() {
             Some(job) if (job.cloud, job.chunk, job.params) == (cloud, chunk, params) => job.tiles.end = tiles.end,
             _ => self.jobs.push(Job { cloud, chunk, params, test, tiles }),

@@ -47,7 +47,9 @@ pub struct Draw {
     pub cloud: usize,
     /// Byte offset of its parameters.
     pub params: u32,
-    /// What is drawn, in this order.
+    /// What is submitted, in this order.
+    pub submitted: Vec<Run>,
+    /// What is drawn, in this order: that, or ranges of a list of it.
     pub runs: Vec<Run>,
     /// What decides a point by itself, wherever that is done.
     pub test: Test,
@@ -59,8 +61,8 @@ pub struct Draw {
 
 impl Draw {
     /// Points submitted.
-    pub fn submitted(&self) -> u64 {
-        self.runs.iter().map(|r| r.count as u64).sum()
+    pub fn points(&self) -> u64 {
+        self.submitted.iter().map(|r| r.count as u64).sum()
     }
 
     /// Whether there may be splats that a sprite cannot hold.

@@ -1,9 +1,11 @@
 //! Blocks of unprocessed scans: nothing lost, nothing twice, and a drawn point near every point that can be seen.
 
-use glam::{DMat4, DVec3, Vec3, dvec3};
+use std::collections::HashSet;
+
+use glam::{DMat4, DVec3, DVec4, Vec3, dvec3};
 use surfel::select::{DepthConvention, DrawList, Sight, View};
 use surfel::structure::octree::{Options, Preset};
-use surfel::structure::{Flat, Octree};
+use surfel::structure::{Flat, Octree, octahedral};
 use surfel::style::Style;
 
 const PRESETS: [Preset; 4] = [Preset::VboR, Preset::Espt, Preset::Mospt, Preset::RGrid];
@@ -191,5 +193,99 @@ fn hard_inputs_lose_nothing() {
             drawn(&octree, &sight(middle, middle + DVec3::X, 1.0));
             drawn(&octree, &sight(middle + 1e3 * away, middle, 8.0));
         }
+    }
+}
+
+#[test]
+fn culling_drops_nothing_that_is_seen() {
+    let mut cloud = scan(8000, 8);
+    // Wide splats reach far into the picture from outside.
+    cloud.geometry.iter_mut().step_by(50).for_each(|g| g[3] *= 20.0);
+    let mut random = Random(9);
+    for preset in PRESETS {
+        let octree = Octree::build(&cloud, &Options { block: 100, ..options(preset) });
+        let mut culled = 0;
+        for view in 0..30 {
+            let eye = random.vector() * [0.5, 1.5, 4.0][view % 3];
+            let lens = View::perspective(0.9, 1.0, 1e-3);
+            let view = View::look_at(eye, eye + random.vector(), DVec3::Z, lens, DepthConvention::Reversed);
+            let style = Style { threshold: 3.0, ..Style::default() };
+            let sight = Sight::new(&view, [640, 640], &DMat4::IDENTITY, DVec3::ZERO, &style);
+            let blind = Sight { planes: [DVec4::W; 5], ..sight.clone() };
+            let seen = numbers(&drawn(&octree, &sight));
+            let kept: HashSet<u32> = seen.iter().copied().collect();
+            let clip = view.projection * view.view;
+            let mut missing = 0;
+            for span in drawn(&octree, &blind).spans {
+                for i in (span.first..span.first + span.count).filter(|i| !kept.contains(i)) {
+                    missing += 1;
+                    let radius = octree.flat.geometry[i as usize][3].max(span.least) as f64;
+                    for _ in 0..20 {
+                        let rim = random.vector().normalize_or_zero() * 0.9999 * radius;
+                        let p = (octree.flat.position(i).as_dvec3() + rim).extend(1.0);
+                        let q = clip * p;
+                        let inside = q.x.abs() < q.w && q.y.abs() < q.w && -(view.view * p).z > view.near();
+                        assert!(!inside, "{preset}: point {i} reaches into the picture");
+                    }
+                }
+            }
+            let all = drawn(&octree, &blind).submitted() as usize;
+            assert_eq!(seen.len() + missing, all, "{preset}: nothing is drawn for being seen only");
+            culled += missing;
+        }
+        assert!(culled > cloud.len(), "{preset}: {culled}");
+    }
+}
+
+#[test]
+fn points_nearest_to_centres_come_first() {
+    // Levels by inserting one point after the other, with swaps (2006, section 4.4).
+    let cloud = scan(600, 10);
+    let octree = Octree::build(&cloud, &Options { block: 60, ..Options::new(Preset::Mospt) });
+    let [low, high] = cloud.bounds();
+    let side = (high - low).max_element();
+    let mut held = std::collections::HashMap::<(u32, [u64; 3]), u32>::new();
+    for i in 0..cloud.len() as u32 {
+        let (mut own, mut level) = (i, 0u32);
+        loop {
+            let n = (1u64 << level) as f64;
+            let place = (cloud.position(own).as_dvec3() - low) / side * n;
+            let cell = place.to_array().map(|v| v.min(n - 1.0) as u64);
+            let centre = low + DVec3::from_array(cell.map(|v| (v as f64 + 0.5) * side / n));
+            let Some(other) = held.insert((level, cell), own) else { break };
+            let away = |k: u32| cloud.position(k).as_dvec3().distance(centre);
+            if away(own) < away(other) {
+                own = other;
+            } else {
+                held.insert((level, cell), other);
+            }
+            level += 1;
+        }
+    }
+    let mut expected: Vec<(u32, u8)> = held.into_iter().map(|((level, _), i)| (i, level as u8)).collect();
+    let colors = octree.flat.colors.as_ref().unwrap();
+    let mut found: Vec<(u32, u8)> =
+        colors.iter().zip(&octree.levels).map(|(color, level)| (color & 0x00ff_ffff, *level)).collect();
+    expected.sort_unstable();
+    found.sort_unstable();
+    assert!(found == expected);
+}
+
+#[test]
+fn averages_are_of_light_and_place() {
+    let mut cloud = flat([DVec3::ZERO, dvec3(1.0, 0.5, 0.0)], 0.25);
+    cloud.normals = Some([Vec3::X, Vec3::Y].map(octahedral::encode).to_vec());
+    cloud.colors = Some(vec![0xff80_8080, 0xffff_ffff]);
+    for preset in [Preset::VboR, Preset::Espt] {
+        let octree = Octree::build(&cloud, &options(preset));
+        let list = drawn(&octree, &sight(dvec3(0.5, 0.0, 1e4), dvec3(0.5, 0.1, 0.0), 1.0));
+        let [span] = list.spans[..] else { panic!("one point") };
+        assert_eq!((span.count, span.least), (1, 1.0));
+        let i = span.first as usize;
+        assert_eq!(octree.flat.geometry[i], [0.5, 0.25, 0.0, 1.0]);
+        // (0.2159 + 1) / 2 in linear light, 0.8024 encoded.
+        assert_eq!(octree.flat.colors.as_ref().unwrap()[i], 0xffcd_cdcd);
+        let normal = octahedral::decode(octree.flat.normals.as_ref().unwrap()[i]).expect("a normal");
+        assert!(normal.distance(dvec3(1.0, 1.0, 0.0).normalize()) < 1e-4);
     }
 }

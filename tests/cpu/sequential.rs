@@ -271,9 +271,14 @@ fn what_cannot_be_tested_comes_first_and_is_kept() {
         assert!(tree.nodes.links[..odd.len()].iter().all(|l| *l == [NONE; 2]));
         assert!(tree.lists[1..].iter().all(|l| l.min.is_finite() && l.max.is_finite()));
         // Even where nothing else is seen.
-        let away = Sight { eye: DVec3::splat(9.0).extend(1.0), tau: 0.001, planes: [DVec3::X.extend(-99.0); 5] };
+        let away = Sight {
+            eye: DVec3::splat(9.0).extend(1.0),
+            tau: 0.001,
+            planes: [DVec3::X.extend(-99.0); 5],
+            radius_scale: 1.0,
+        };
         let mut list = DrawList::default();
-        tree.select(&away, Interval::Exact, 1.0, false, 3, &mut list);
+        tree.select(&away, Interval::Exact, false, 3, &mut list);
         assert_eq!(list.spans.iter().map(|s| (s.instance, s.first, s.count)).collect::<Vec<_>>(), [(3, 0, 6)]);
     }
 }
@@ -314,9 +319,9 @@ fn lists_by_normal_face_away_together() {
     for k in 0..200 {
         let to = DVec3::from([0; 3].map(|_: u8| 2.0 * next() as f64 - 1.0)).normalize();
         let eye = if k % 4 == 0 { to.extend(0.0) } else { (to * f64::from(k)).extend(1.0) };
-        let sight = Sight { eye, tau: 1e-9, planes: [DVec3::ZERO.extend(1.0); 5] };
+        let sight = Sight { eye, tau: 1e-9, planes: [DVec3::ZERO.extend(1.0); 5], radius_scale: 1.0 };
         let mut list = DrawList::default();
-        tree.select(&sight, Interval::Exact, 1.0, true, 0, &mut list);
+        tree.select(&sight, Interval::Exact, true, 0, &mut list);
         let mut drawn = vec![false; tree.flat.len()];
         list.spans.iter().for_each(|s| drawn[s.first as usize..(s.first + s.count) as usize].fill(true));
         for i in (0..drawn.len()).filter(|&i| !drawn[i]) {
@@ -326,7 +331,7 @@ fn lists_by_normal_face_away_together() {
         all += drawn.len();
         kept += list.submitted() as usize;
         let mut whole = DrawList::default();
-        one.select(&sight, Interval::Exact, 1.0, true, 0, &mut whole);
+        one.select(&sight, Interval::Exact, true, 0, &mut whole);
         assert_eq!(whole.submitted() as usize, one.flat.len());
     }
     assert!(kept < all * 7 / 10, "{kept} of {all}");

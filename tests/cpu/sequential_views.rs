@@ -20,7 +20,7 @@ fn downward(tree: &Sequential) -> Vec<usize> {
 
 fn submitted(tree: &Sequential, sight: &Sight, interval: Interval) -> Vec<bool> {
     let mut list = DrawList::default();
-    tree.select(sight, interval, 1.0, false, 0, &mut list);
+    tree.select(sight, interval, false, 0, &mut list);
     let mut there = vec![false; tree.flat.len()];
     for s in &list.spans {
         there[s.first as usize..(s.first + s.count) as usize].fill(true);
@@ -52,7 +52,7 @@ fn views(tree: &Sequential, count: usize, seed: u64, scale: f32) -> Vec<Sight> {
         let tau = if k % 5 == 4 { tree.nodes.tau_max as f64 * (1.0 + 9.0 * large as f64) } else { tau };
         let tau = if k % 5 == 3 { tree.nodes.tau_max as f64 } else { tau };
         let tau = tau * if eye.w == 0.0 { scale as f64 } else { 1.0 };
-        views.push(Sight { eye: eye.as_dvec4(), tau, planes: [DVec4::W; 5] });
+        views.push(Sight { eye: eye.as_dvec4(), tau, planes: [DVec4::W; 5], radius_scale: 1.0 });
     }
     views
 }
@@ -134,6 +134,9 @@ fn many(rule: ErrorRule) {
         }
         let colored = Sequential::build(flat, &Options { rule, clusters: true, ..Options::default() });
         hold(&colored, &views(&colored, 800, 9 + k as u64, 1.0), &format!("{rule}, clusters, cloud {k}"));
+        let placed = Sequential::build(flat, &Options { blocks: 30, ..with(rule) });
+        assert!(placed.lists.len() > 4 || flat.len() < 30, "{} lists", placed.lists.len());
+        hold(&placed, &views(&placed, 800, 19 + k as u64, 1.0), &format!("{rule}, blocks, cloud {k}"));
     }
 }
 
@@ -198,7 +201,7 @@ fn one_entry_a_path_where_errors_are_at_the_limit() {
 fn a_prefix_is_short_from_afar() {
     let flat = Flat::new(&PointCloud { ..surfel::load::synthetic::scene("torus", 20_000, 1).expect("a torus") });
     let tree = Sequential::build(&flat, &Options::default());
-    let sight = Sight { eye: DVec3::splat(100.0).extend(1.0), tau: 0.001, planes: [DVec4::W; 5] };
+    let sight = Sight { eye: DVec3::splat(100.0).extend(1.0), tau: 0.001, planes: [DVec4::W; 5], radius_scale: 1.0 };
     let there = submitted(&tree, &sight, Interval::Exact);
     let drawn = (0..tree.flat.len()).filter(|&i| sight.test().selects(&tree.nodes, i)).count();
     let there = there.iter().filter(|t| **t).count();

@@ -139,7 +139,7 @@ impl Sequential {
             return Err(bad(28, "lists are not those of the entries"));
         }
         let finest = super::finest(&geometry, &links);
-        Ok(Sequential {
+        let mut tree = Sequential {
             flat: Flat {
                 origin: DVec3::from_array([0, 1, 2].map(|i| f64::from_bits(number(i)))),
                 blocks: blocks(&geometry),
@@ -163,7 +163,10 @@ impl Sequential {
                 published_errors: flags & PUBLISHED != 0,
             },
             cloud: number(3),
-        })
+            steps: Vec::new(),
+        };
+        tree.steps = tree.steps();
+        Ok(tree)
     }
 
     /// Writes a file: whole under its name, or not at all.

@@ -9,6 +9,9 @@ use crate::structure::nodes::{NONE, Nodes};
 use crate::structure::octahedral;
 use crate::style::Interval;
 
+/// Entries from one key that is kept to the next: prefixes are multiples of it, a cache line of keys a list.
+const STEP: usize = 16;
+
 /// Lists by normal: 8 faces of an octahedron, split twice into four.
 pub const CLUSTERS: usize = 128;
 
@@ -75,24 +78,25 @@ impl Sequential {
     ) {
         // The published test adds τ |p − p_parent|, which the key has for τ_max.
         let all = interval == Interval::Published && sight.eye.w != 0.0 && sight.test().tau > self.nodes.tau_max;
+        let mut steps = &self.steps[..];
         for list in &self.lists {
+            let (own, rest) = steps.split_at((list.count as usize).div_ceil(STEP));
+            steps = rest;
             if sight.misses(list.min, list.max, list.reach) || cull_back && list.faces_away(sight) {
                 continue;
             }
             // `max` takes 0 for what is not a number: everything.
             let least = if all { 0.0 } else { (sight.tau * sight.distance(list.min, list.max)).max(0.0) };
-            let needed = |entry: u32| self.key(entry as usize) as f64 >= least;
-            let (mut low, mut high) = (0, list.count);
-            while low < high {
-                let middle = low + (high - low) / 2;
-                if needed(list.first + middle) {
-                    low = middle + 1;
-                } else {
-                    high = middle;
-                }
-            }
-            out.push(crate::select::Span { instance, first: list.first, count: low, least: 0.0 });
+            let needed = own.partition_point(|key| *key as f64 >= least) * STEP;
+            let count = list.count.min(needed as u32);
+            out.push(crate::select::Span { instance, first: list.first, count, least: 0.0 });
         }
+    }
+
+    /// Keys of every [`STEP`]th entry of every list, which the search for a prefix is confined to.
+    pub(super) fn steps(&self) -> Vec<f32> {
+        let of = |list: &List| (list.first..list.first + list.count).step_by(STEP);
+        self.lists.iter().flat_map(of).map(|entry| self.key(entry as usize)).collect()
     }
 }
 

@@ -108,6 +108,8 @@ pub struct Sequential {
     pub options: Options,
     /// Fingerprint of the cloud that it was made of.
     pub cloud: u64,
+    /// What a prefix is searched in, see [`list`].
+    steps: Vec<f32>,
 }
 
 impl Sequential {
@@ -318,7 +320,7 @@ impl Entries<'_> {
             finest: Some(finest),
         };
         let lists = lists(&flat, &links, &nodes, &ends, self.odd.len());
-        Sequential {
+        let mut tree = Sequential {
             levels: self.each(&order, |id| self.level(id)),
             nodes: Nodes { links, nodes, rule: self.options.rule, tau_max: self.options.tau_max },
             leaves: self.flat.len() as u32,
@@ -326,7 +328,10 @@ impl Entries<'_> {
             cloud: fingerprint(self.flat),
             flat,
             lists,
-        }
+            steps: Vec::new(),
+        };
+        tree.steps = tree.steps();
+        tree
     }
 }
 
