@@ -242,8 +242,7 @@ impl Renderer {
                 let mut block = camera.draw_params(
                     input.extent,
                     &instance.transform,
-                    flat.origin,
-                    &cloud.bounds,
+                    (flat.origin, &cloud.bounds),
                     input.style,
                     plan.disc,
                     sprite_limit.min(3e38) as f32,

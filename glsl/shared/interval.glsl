@@ -6,7 +6,10 @@ const int RULE_SPLIT = 1;
 const float SPLIT_REACH = 2.0;
 
 layout(set = 1, binding = 4, std430) readonly buffer Links { uvec2 links[]; };  // own node and parent's, a point
-layout(set = 1, binding = 5, std430) readonly buffer Nodes { vec4 nodes[]; };   // (place, error), (normal, e_t), a node
+// (place, error) a node, or that and (normal, e_t) where the rule has use for it; the chunk's own, and its points' parents.
+layout(set = 1, binding = 5, std430) readonly buffer Nodes { vec4 nodes[]; };
+
+vec4 place_of(uint node) { return nodes[RULE == RULE_SPLIT ? 2u * node : node]; }
 
 float square(vec3 v) {
     precise float sum = (v.x * v.x + v.y * v.y) + v.z * v.z;
@@ -14,7 +17,7 @@ float square(vec3 v) {
 }
 
 bool passes(uint node) {
-    vec4 place = nodes[2u * node];
+    vec4 place = place_of(node);
     precise vec3 to = place.xyz * params.test_eye.w - params.test_eye.xyz;
     float distance_square = square(to);
     precise float limit = (params.tau * params.tau) * distance_square;
@@ -34,7 +37,7 @@ bool passes(uint node) {
 }
 
 float error_of(uint node) {
-    float error = nodes[2u * node].w;
+    float error = place_of(node).w;
     return RULE == RULE_SPLIT ? length(vec2(error, nodes[2u * node + 1u].w)) : error;
 }
 
@@ -52,5 +55,5 @@ bool in_interval(uint i, vec3 place) {
         return false;
     }
     return link.y == NO_NODE
-        || reach < error_of(link.y) + params.tau * params.test_eye.w * distance(place, nodes[2u * link.y].xyz);
+        || reach < error_of(link.y) + params.tau * params.test_eye.w * distance(place, place_of(link.y).xyz);
 }

@@ -99,6 +99,12 @@ impl Scene {
     ) -> Result<Scene> {
         // What is drawn in different places shares no seam.
         let mut clouds = if source.placed.is_some() { input::handled(read)? } else { input::join(read)? };
+        if look.scanner.is_some() {
+            clouds.iter_mut().for_each(|cloud| cloud.viewpoint = look.scanner);
+        }
+        if matches!(look.radius, Radius::Angular(_)) && clouds.iter().any(|c| c.viewpoint.is_none()) {
+            bail!("--radius angle:DEG: where the scanner stood is not known (--scanner x,y,z)");
+        }
         let points_input = clouds.iter().map(|c| c.report.points_in_file).sum();
         let has = Has::of(&clouds);
         let (shade, shade_said) = look::shade(look, has);

@@ -10,6 +10,7 @@ use crate::gpu::resource::Buffer;
 use crate::gpu::retire::{RetireQueue, Retired};
 use crate::gpu::upload::Upload;
 use crate::structure::flat::{BLOCK, Block};
+use crate::structure::nodes::{ErrorRule, NONE, Node, Nodes};
 use crate::structure::{Cloud, Flat};
 
 use super::plan::CloudTraits;
@@ -35,7 +36,9 @@ pub struct Chunk {
     pub groups: Option<Buffer>,
     /// Links to nodes, for structures that are tested point by point.
     pub links: Option<Buffer>,
-    /// The five and the cloud's nodes as storage, for shaders that pull.
+    /// Those nodes.
+    pub nodes: Option<Buffer>,
+    /// All of them as storage, for shaders that pull.
     pub set: vk::DescriptorSet,
 }
 
@@ -58,25 +61,18 @@ pub struct DeviceCloud {
     pub bounds: Block,
     /// What has been uploaded, in order.
     pub chunks: Vec<Chunk>,
-    nodes: Option<Buffer>,
     pool: vk::DescriptorPool,
 }
 
 impl DeviceCloud {
-    /// Nothing is uploaded yet. Fails where the device cannot bind the structure's nodes at once.
+    /// Nothing is uploaded yet.
     pub fn new(context: &Context, cloud: Cloud) -> Result<DeviceCloud> {
         let flat = cloud.flat();
-        let most = context.limits.max_storage_buffer_range as u64;
-        if let Some(bytes) = cloud.nodes().map(|n| size_of_val(&n.nodes[..]) as u64).filter(|b| *b > most) {
-            let text =
-                format!("a structure with {bytes} bytes of nodes: this device binds {most} (maxStorageBufferRange)");
-            return Err(Error::Unsupported(text));
-        }
         let sets = flat.len().div_ceil(CHUNK).max(1) as u32;
         let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 6 * sets }];
         let pool = context.descriptor_pool("cloud.sets", sets, &sizes)?;
         let bounds = Block::around(&flat.blocks);
-        Ok(DeviceCloud { cloud, bounds, chunks: Vec::new(), nodes: None, pool })
+        Ok(DeviceCloud { cloud, bounds, chunks: Vec::new(), pool })
     }
 
     /// Its points.
@@ -119,17 +115,19 @@ impl DeviceCloud {
             return Ok(None);
         }
         let range = first..first + count;
-        let nodes = cloud.nodes();
-        // The nodes come with the first chunk: the points of every later one refer to them.
-        let records: Option<&[u8]> =
-            nodes.filter(|n| first == 0 && !n.nodes.is_empty()).map(|n| bytemuck::cast_slice(&n.nodes));
+        let nodes = cloud.nodes().map(|nodes| of_chunk(nodes, range.clone()));
+        let most = context.limits.max_storage_buffer_range as u64;
+        if let Some(bytes) = nodes.as_ref().map(|n| size_of_val(&n.places[..]) as u64).filter(|b| *b > most) {
+            let text = format!("{bytes} bytes of nodes for {count} points: this device binds {most}");
+            return Err(Error::Unsupported(text));
+        }
         let streams: [(_, Option<&[u8]>); 6] = [
             ("geometry", Some(bytemuck::cast_slice(&flat.geometry[range.clone()]))),
             ("normals", flat.normals.as_ref().map(|n| bytemuck::cast_slice(&n[range.clone()]))),
             ("colors", flat.colors.as_ref().map(|c| bytemuck::cast_slice(&c[range.clone()]))),
             ("groups", flat.groups.as_ref().map(|g| &g.of[range.clone()])),
-            ("links", nodes.map(|n| bytemuck::cast_slice(&n.links[range]))),
-            ("nodes", records),
+            ("links", nodes.as_ref().map(|n| bytemuck::cast_slice(&n.links))),
+            ("nodes", nodes.as_ref().filter(|n| !n.places.is_empty()).map(|n| bytemuck::cast_slice(&n.places))),
         ];
         let bytes = |data: Option<&[u8]>| data.map_or(0, |d| (d.len() as u64).next_multiple_of(16));
 
@@ -167,15 +165,13 @@ impl DeviceCloud {
             }
         };
         let [Some(geometry), normals, colors, groups, links, nodes] = made else { unreachable!("geometry was made") };
-        if nodes.is_some() {
-            self.nodes = nodes;
-        }
-        let chunk = Chunk { first: first as u32, count: count as u32, geometry, normals, colors, groups, links, set };
+        let (first, count) = (first as u32, count as u32);
+        let chunk = Chunk { first, count, geometry, normals, colors, groups, links, nodes, set };
         // What is not there is stood in for by the geometry, and not read.
         let stand_in = chunk.geometry.handle;
         let or = |b: &Option<Buffer>| b.as_ref().map_or(stand_in, |b| b.handle);
         let [geometry, normals, colors, groups] = chunk.streams();
-        let infos = [geometry, normals, colors, groups, or(&chunk.links), or(&self.nodes)]
+        let infos = [geometry, normals, colors, groups, or(&chunk.links), or(&chunk.nodes)]
             .map(|buffer| [vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }]);
         let writes: Vec<_> = (0..)
             .zip(&infos)
@@ -197,9 +193,60 @@ impl DeviceCloud {
     /// Gives everything up after `frame`.
     pub fn retire(self, queue: &mut RetireQueue, frame: u64) {
         let chunks = self.chunks.into_iter();
-        let buffers =
-            chunks.flat_map(|c| [Some(c.geometry), c.normals, c.colors, c.groups, c.links]).chain([self.nodes]);
+        let buffers = chunks.flat_map(|c| [Some(c.geometry), c.normals, c.colors, c.groups, c.links, c.nodes]);
         buffers.flatten().for_each(|buffer| queue.push(frame, Retired::Buffer(buffer)));
         queue.push(frame, Retired::DescriptorPool(self.pool));
+    }
+}
+
+/// What the test of a chunk's points reads.
+struct ChunkNodes {
+    /// As in [`Nodes::links`], numbers of the chunk's own nodes.
+    links: Vec<[u32; 2]>,
+    /// As `glsl/shared/interval.glsl` has them.
+    places: Vec<[f32; 4]>,
+}
+
+/// The nodes that points of a chunk refer to, each once, in the order in which they do: whatever the size of the cloud, a
+/// chunk binds no more than its points need.
+fn of_chunk(nodes: &Nodes, range: std::ops::Range<usize>) -> ChunkNodes {
+    let mut local = vec![NONE; nodes.nodes.len()];
+    let mut of = ChunkNodes { links: Vec::with_capacity(range.len()), places: Vec::new() };
+    let mut known = 0;
+    for link in &nodes.links[range] {
+        of.links.push(link.map(|node| {
+            if node == NONE {
+                return NONE;
+            }
+            let place = &mut local[node as usize];
+            if *place == NONE {
+                *place = known;
+                known += 1;
+                let Node { position: [x, y, z], error, normal: [a, b, c], tangential } = nodes.nodes[node as usize];
+                of.places.push([x, y, z, error]);
+                if nodes.rule == ErrorRule::Split {
+                    of.places.push([a, b, c, tangential]);
+                }
+            }
+            *place
+        }));
+    }
+    of
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chunk_has_the_nodes_that_it_refers_to() {
+        let node = |n: u32| Node { position: [n as f32; 3], error: 0.5, normal: [0.0; 3], tangential: 0.25 };
+        let links = vec![[0, NONE], [1, 0], [NONE, 1], [3, 0], [NONE, 3], [NONE, NONE]];
+        let nodes = Nodes { links, nodes: (0..4).map(node).collect(), rule: ErrorRule::Geometric, tau_max: 0.1 };
+        let chunk = of_chunk(&nodes, 2..6);
+        assert_eq!(chunk.links, [[NONE, 0], [1, 2], [NONE, 1], [NONE, NONE]]);
+        assert_eq!(chunk.places, [[1.0, 1.0, 1.0, 0.5], [3.0, 3.0, 3.0, 0.5], [0.0, 0.0, 0.0, 0.5]]);
+        let split = of_chunk(&Nodes { rule: ErrorRule::Split, ..nodes }, 2..3);
+        assert_eq!((split.links, split.places.len()), (vec![[NONE, 0]], 2));
     }
 }

@@ -123,13 +123,12 @@ impl Camera {
         half + x.z.abs().max(y.z.abs()).max(x.w.abs()).max(y.w.abs()) > SINGLE_REACH
     }
 
-    /// The shaders' block of one cloud.
+    /// The shaders' block of one cloud with this origin and these bounds.
     pub fn draw_params(
         &self,
         extent: vk::Extent2D,
         transform: &DMat4,
-        origin: DVec3,
-        bounds: &Block,
+        (origin, bounds): (DVec3, &Block),
         style: &Style,
         disc: bool,
         sprite_limit: f32,

@@ -29,7 +29,7 @@ names!(ErrorRule { Geometric = "geometric", Split = "split", Diameter = "diamete
 /// nothing, and what passes must go on passing for the children, whose view differs.
 pub const SPLIT_REACH: f32 = 2.0;
 
-/// A node that has an error: 32 B, as the device keeps it.
+/// A node that has an error. The device keeps 16 B of it, 32 B for [`ErrorRule::Split`].
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Node {

@@ -2,8 +2,9 @@
 
 use std::f32::consts::PI;
 
-use glam::Vec3;
-use surfel::load::attributes::{Options, complete};
+use glam::{DVec3, Vec3};
+use surfel::load::PointCloud;
+use surfel::load::attributes::{Options, RadiusRule, complete};
 
 use crate::attributes_shapes::{Random, cloud, grid, sphere, square, uncovered};
 
@@ -188,4 +189,23 @@ fn the_other_side_of_a_thin_part_is_no_neighbour() {
     // much was, since a ball of neighbours looks like no surface.
     let bare = uncovered(&side, &found[..side.len()], &probes(100_000, 2.0, 57.0, random));
     assert!(bare < 1e-4, "{bare}");
+}
+
+#[test]
+fn an_angular_step_grows_with_the_distance_from_the_scanner() {
+    let positions = vec![Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 20.0, 0.0), Vec3::new(0.0, 0.0, 300.0)];
+    let origin = DVec3::new(1e6, 2e6, 0.0);
+    let mut cloud = PointCloud { origin, positions, viewpoint: Some(origin), ..PointCloud::default() };
+    let options = Options { radius: RadiusRule::Angular(0.01), ..Options::default() };
+    complete(&mut cloud, &options);
+    // 0.01 as a single float, in f64 from there on.
+    let expected = [1.0, 20.0, 300.0].map(|r| (0.01f32 as f64 * r) as f32);
+    assert_eq!(cloud.radii.as_deref(), Some(&expected[..]));
+    // From elsewhere, and from nowhere.
+    cloud.radii = None;
+    complete(&mut cloud, &Options { viewpoint: Some(origin + DVec3::X), ..options });
+    assert!(cloud.radii.as_ref().is_some_and(|r| r[0] > 0.0 && r[0] < 1e-6 && r[2] > 3.0));
+    (cloud.radii, cloud.viewpoint) = (None, None);
+    complete(&mut cloud, &options);
+    assert!(cloud.report.assumed.iter().any(|a| a.contains("scanner stood is not known")), "{:?}", cloud.report);
 }

@@ -118,6 +118,16 @@ fn every_option_is_taken() {
         "--storage morton --sums half",
         "--blend groups --group-factor 0.8 --group-limit 12",
         "--blend groups --voronoi slabs --storage random",
+        "--structure sequential --threshold 3",
+        "--structure sequential --error split --clusters --selection vertex",
+        "--structure sequential --interval published --blend two-pass --block 100",
+        "--structure one-spt --threshold 2 --blend opaque",
+        "--structure spt-r --blend groups --group-limit 20",
+        "--structure vbo-r --block 200",
+        "--structure espt --threshold 4 --primitive quad",
+        "--structure mospt --block 50 --threshold 2.5",
+        "--structure r-grid --radius scale:2",
+        "--radius angle:0.5 --scanner 0,0,6",
     ] {
         let more: Vec<&str> = more.split_whitespace().chain(["--background", "00000000"]).collect();
         let picture = rendered(&["scene:torus:3k"], &out, &more);
@@ -162,11 +172,62 @@ fn groups_are_made_once() {
 }
 
 #[test]
+fn trees_are_made_once() {
+    let folder = Folder::new("render-trees");
+    let (out, again, kept) = (folder.path("a.png"), folder.path("b.png"), folder.path("a.tree"));
+    let with = |out: &str, more: &[&str]| {
+        let more = [&["--structure", "sequential", "--threshold", "2", "--tree", &kept], more].concat();
+        render(&["scene:torus:3k"], out, &more)
+    };
+    for out in [&out, &again] {
+        let done = with(out, &[]);
+        assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    }
+    assert!(fs::read(&out).unwrap() == fs::read(&again).unwrap(), "what is read is what was made");
+    // Of other options, or of another cloud: a line that names the file, which stays as it is.
+    let before = fs::read(&kept).unwrap();
+    let other = with(&out, &["--error", "diameter"]);
+    let named = "a.tree: holds the tree of";
+    assert!(other.status.code() == Some(1) && stderr(&other).contains(named), "{}", stderr(&other));
+    assert_eq!(fs::read(&kept).unwrap(), before);
+    fs::write(&kept, &before[..before.len() / 2]).unwrap();
+    let cut = with(&out, &[]);
+    assert!(cut.status.code() == Some(1) && stderr(&cut).contains("a.tree at byte"), "{}", stderr(&cut));
+}
+
+#[test]
+fn a_far_view_submits_less_and_looks_the_same() {
+    let folder = Folder::new("render-levels");
+    let (out, json) = (folder.path("a.png"), folder.path("a.json"));
+    let submitted = |structure: &str| {
+        let more = ["--structure", structure, "--orbit", "30,20,12", "--stats", &json];
+        let picture = rendered(&["scene:torus:100k"], &out, &more);
+        (count(&stats(&json)["points_submitted"]), covered(&picture))
+    };
+    let (all, pixels) = submitted("flat");
+    for structure in ["sequential", "one-spt", "spt-r", "espt", "mospt", "r-grid"] {
+        let (few, shown) = submitted(structure);
+        assert!(few * 8 < all, "{structure}: {few} of {all}");
+        // A rim of some 100 px may be a pixel wider or narrower.
+        assert!(shown.abs_diff(pixels) < 110, "{structure}: {shown} pixels, {pixels} of all points");
+    }
+}
+
+#[test]
 fn what_makes_no_sense_for_a_blend_is_refused() {
     let folder = Folder::new("render-blends");
     let out = folder.path("a.png");
     for (more, code) in [
         ("--blend groups --group-factor 1.5", 2),
+        ("--threshold 0", 2),
+        ("--threshold nan", 2),
+        ("--structure mospt --storage morton", 2),
+        ("--structure mospt --tree a.tree", 2),
+        ("--structure espt --blend groups --groups a.groups", 2),
+        ("--structure sequential --error cell", 2),
+        ("--structure espt --block 0", 2),
+        ("--radius angle:90", 2),
+        ("--radius angle:1", 1),
         ("--blend groups --group-factor nan", 2),
         ("--blend groups --group-limit 0", 2),
         ("--groups a.groups", 2),

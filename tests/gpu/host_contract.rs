@@ -2,12 +2,15 @@
 //! engine's device table writes down what is really called.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use glam::DMat4;
 use surfel::ash::vk;
 use surfel::select::DepthConvention;
+use surfel::structure::groups::{Groups, Relax};
+use surfel::structure::{Cloud, Sequential, sequential};
 use surfel::style::Style;
-use surfel::technique::PRESETS;
+use surfel::technique::{PRESETS, Selection, Technique};
 use surfel::{FrameInput, HostDepth, Instance, Renderer};
 
 use crate::host_engine::Engine;
@@ -32,7 +35,9 @@ fn the_page_lists_every_command() {
         let host = engine.host_with(device, Box::new(engine.memory()));
         // SAFETY: the handles belong together and outlive the renderer.
         let mut renderer = unsafe { Renderer::new(host, target.formats()) }.expect("a renderer");
-        let cloud = renderer.add(sphere(50)).expect("a cloud");
+        let mut tree = Sequential::build(&sphere(50), &sequential::Options::default());
+        tree.flat.groups = Some(Groups::color(&tree.flat, &Relax::default()).expect("groups"));
+        let clouds = [Cloud::from(sphere(50)), Arc::new(tree).into()].map(|c| renderer.add(c).expect("a cloud"));
         let cmd = engine.command_buffer();
         let mut recorded = [BTreeSet::new(), BTreeSet::new(), BTreeSet::new()];
         let depth = target.depth.as_ref().expect("a depth");
@@ -45,8 +50,8 @@ fn the_page_lists_every_command() {
                 extent: vk::Extent2D { width: 16, height: 12 },
                 offset: vk::Offset2D::default(),
                 views: &[view],
-                instances: &[Instance { cloud, transform: DMat4::IDENTITY }],
-                technique: *technique,
+                instances: &clouds.map(|cloud| Instance { cloud, transform: DMat4::IDENTITY }),
+                technique: Technique { selection: Selection::Compute, ..*technique },
                 style: &style,
                 host_depth: Some(HostDepth { view: depth.view, layout: vk::ImageLayout::DEPTH_READ_ONLY_OPTIMAL }),
                 count: true,

@@ -127,6 +127,10 @@ wrappers! {
         draw = "vkCmdDraw" (cmd: vk::CommandBuffer, vertices: u32, instances: u32, first: u32, instance: u32);
         draw_indexed = "vkCmdDrawIndexed"
             (cmd: vk::CommandBuffer, indices: u32, instances: u32, first: u32, offset: i32, instance: u32);
+        draw_indirect = "vkCmdDrawIndirect"
+            (cmd: vk::CommandBuffer, commands: vk::Buffer, at: u64, count: u32, stride: u32);
+        draw_indexed_indirect = "vkCmdDrawIndexedIndirect"
+            (cmd: vk::CommandBuffer, commands: vk::Buffer, at: u64, count: u32, stride: u32);
         dispatch = "vkCmdDispatch" (cmd: vk::CommandBuffer, x: u32, y: u32, z: u32);
         bind_vertices = "vkCmdBindVertexBuffers"
             (cmd: vk::CommandBuffer, first: u32, count: u32, buffers: Info, offsets: Info);

@@ -139,10 +139,11 @@ impl Sequential {
         self.options == *options && self.leaves as usize == flat.len() && self.cloud == fingerprint(flat)
     }
 
-    /// Bytes of the arrays that a device needs.
+    /// Bytes of what a device needs: of nodes without direction only places and errors.
     pub fn bytes(&self) -> u64 {
         let links = size_of_val(&self.nodes.links[..]);
-        self.flat.bytes() + (links + size_of_val(&self.nodes.nodes[..])) as u64
+        let nodes = self.nodes.nodes.len() * if self.nodes.rule == ErrorRule::Split { 32 } else { 16 };
+        self.flat.bytes() + (links + nodes) as u64
     }
 }
 
