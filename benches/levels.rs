@@ -8,7 +8,8 @@
 //! 3. A surface whose million points are already sub-pixel, with sixteen million.
 //!
 //! Frame times of `opaque` without light, from the start of recording to the device's completion; `--fuzzy` takes that blend.
-//! `cargo bench --bench levels` makes a terrain of two million points; `-- SCAN...` takes files; `-- --test` runs once, small.
+//! `cargo bench --bench levels` makes a terrain of two million points; `-- SCAN...` takes files,
+//! `--structures=A,B` some only, `--views=N` so many seeded views; `-- --test` runs once, small.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -266,8 +267,11 @@ fn main() {
     let off = Offscreen::new(standalone, vk::Extent2D { width: side, height: side }, false).expect("a target");
     let technique = Technique { blend, ..Technique::default() };
     let mut bench = Bench { off, technique, side, rounds: if small { 1 } else { 7 } };
-    let structures: Vec<Structure> = Structure::ALL.iter().map(|(_, s)| *s).filter(|s| *s != Structure::Flat).collect();
-    let views = if small { 3 } else { 64 };
+    let option = |name: &str| args.iter().find_map(|a| a.strip_prefix(name));
+    let wanted = |name: &str| option("--structures=").is_none_or(|n| n.split(',').any(|n| n == name));
+    let others = Structure::ALL.iter().filter(|(name, s)| *s != Structure::Flat && wanted(name));
+    let structures: Vec<Structure> = others.map(|(_, s)| *s).collect();
+    let views = option("--views=").map_or(if small { 3 } else { 64 }, |n| n.parse().expect("--views=N"));
     if files.is_empty() {
         let mut cloud = synthetic::scene("terrain", if small { 20_000 } else { 2_000_000 }, 1).expect("a scene");
         attributes::complete(&mut cloud, &attributes::Options::default());

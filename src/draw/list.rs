@@ -201,7 +201,9 @@ pub fn record(recorder: &mut Recorder, bindings: &Bindings, lists: &Lists, listi
         }
     };
     let after = || vec![Use::Memory(Access::ComputeWrite, Access::ComputeWrite)];
-    recorder.pass("mark", vec![], |context, cmd| tiles(context, cmd, Step::Mark));
+    // The last frame that read these buffers is complete, which layers that do not know the host's semaphores cannot tell.
+    let before = vec![Use::Memory(Access::VertexRead, Access::ComputeWrite)];
+    recorder.pass("mark", before, |context, cmd| tiles(context, cmd, Step::Mark));
     let mut scans = 0;
     recorder.pass("scan", after(), |context, cmd| {
         let Some(job) = listing.jobs.first() else { return };
