@@ -275,12 +275,19 @@ impl Renderer {
                     let limits = (low_pass, input.extent, sprite_limit);
                     !plan.pixels && may_hold_large(block, camera, &matrix, radius_scale, limits.0, limits.1, limits.2)
                 };
-                let large: Vec<u32> = if list.spans.is_empty() || !may_be_large(&cloud.bounds) {
+                let least = list.spans.iter().map(|s| s.least).fold(0.0, f32::max);
+                let large: Vec<u32> = if list.spans.is_empty() {
                     Vec::new()
                 } else {
-                    let least = list.spans.iter().map(|s| s.least).fold(0.0, f32::max);
+                    // A radius that is nowhere too large: most blocks are done with by that alone.
+                    let whole = |halvings: i32| Block {
+                        radius: cloud.bounds.radius.max(least) * 0.5f32.powi(halvings),
+                        ..cloud.bounds
+                    };
+                    let small = (0..16).map(whole).find(|b| !may_be_large(b)).map_or(0.0, |b| b.radius);
                     let widened = |b: &Block| Block { radius: b.radius.max(least), ..*b };
-                    (0..).zip(&flat.blocks).filter(|(_, b)| may_be_large(&widened(b))).map(|(i, _)| i).collect()
+                    let is_large = |b: &Block| b.radius > small && may_be_large(b);
+                    (0..).zip(&flat.blocks).filter(|(_, b)| is_large(&widened(b))).map(|(i, _)| i).collect()
                 };
                 let chunks: Vec<[u32; 2]> = cloud.chunks.iter().map(|c| [c.first, c.count]).collect();
                 let submitted = runs(&list.spans, &chunks, &flat.blocks, &large);

@@ -87,7 +87,14 @@ impl Sequential {
             }
             // `max` takes 0 for what is not a number: everything.
             let least = if all { 0.0 } else { (sight.tau * sight.distance(list.min, list.max)).max(0.0) };
-            let needed = own.partition_point(|key| *key as f64 >= least) * STEP;
+            // From the head in doubling steps, since from afar prefixes are short: other lines of the cache are not touched.
+            let reaches = |key: &f32| *key as f64 >= least;
+            let mut bound = 1;
+            while bound < own.len() && reaches(&own[bound]) {
+                bound *= 2;
+            }
+            let head = bound / 2;
+            let needed = (head + own[head..bound.min(own.len())].partition_point(reaches)) * STEP;
             let count = list.count.min(needed as u32);
             out.push(crate::select::Span { instance, first: list.first, count, least: 0.0 });
         }
