@@ -85,8 +85,9 @@ pub struct FrameStats {
     pub bytes_uploaded: u64,
     /// Bytes of device memory held.
     pub device_bytes: u64,
-    /// Numbers of the points that compaction listed, for each view and in it for each instance; empty unless
-    /// [`FrameInput::keep_lists`](crate::FrameInput::keep_lists) asks for it.
+    /// Numbers of the points that compaction listed, in the order in which they are drawn; empty unless
+    /// [`FrameInput::keep_lists`](crate::FrameInput::keep_lists) asks for it. One list for each view, instance, chunk of 2²²
+    /// points and part of it with or without large footprints; numbers count from the chunk's first point.
     pub lists: Vec<Vec<u32>>,
     /// Pipelines built in this frame: 0 after warm-up.
     pub pipelines_built: u32,

@@ -76,7 +76,8 @@ pub enum Blend {
 /// One value on each axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Technique {
-    /// How the points are arranged.
+    /// How the points are arranged: what clouds are built as. A renderer draws each [`Cloud`](crate::structure::Cloud) by the
+    /// structure that it has.
     pub structure: Structure,
     /// Which are drawn.
     pub selection: Selection,
