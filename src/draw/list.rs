@@ -74,11 +74,6 @@ impl Listing {
     pub fn is_empty(&self) -> bool {
         self.ranges.is_empty()
     }
-
-    /// Ranges so far.
-    pub fn ranges(&self) -> &[Range] {
-        &self.ranges
-    }
 }
 
 /// What that takes on the device; kept by a slot while it is enough.
