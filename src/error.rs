@@ -64,6 +64,8 @@ pub enum Error {
     },
     /// The device was lost; destroy everything and start again.
     DeviceLost,
+    /// Bytes of a streamed model did not come.
+    Stream(crate::stream::Fault),
     /// Any other refusal of the driver.
     Vulkan {
         /// The call.
@@ -105,6 +107,7 @@ impl fmt::Display for Error {
                 write!(f, "out of device memory: {what} needs {requested} bytes")
             }
             Error::DeviceLost => write!(f, "the device was lost"),
+            Error::Stream(fault) => write!(f, "{fault}"),
             Error::Vulkan { call, result } => write!(f, "{call}: {result}"),
         }
     }
@@ -114,6 +117,7 @@ impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Error::Io { source, .. } => Some(source),
+            Error::Stream(fault) => Some(fault),
             Error::Vulkan { result, .. } => Some(result),
             _ => None,
         }

@@ -43,6 +43,7 @@ pub mod select;
 #[cfg(feature = "standalone")]
 pub mod standalone;
 pub mod stats;
+pub mod stream;
 pub mod structure;
 pub mod style;
 pub mod technique;
