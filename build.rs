@@ -38,17 +38,20 @@ fn main() -> Result<()> {
     for path in &sources {
         let name = path.strip_prefix(&root)?.to_str().context("shader names are UTF-8")?.replace('\\', "/");
         let source = fs::read_to_string(path)?;
-        let named = compile(&compiler, &root, path, &source, false)?;
-        let shipped = compile(&compiler, &root, path, &source, true)?;
-        validator.check(&name, &shipped)?;
-        let module = reflect::Module::parse(&named).with_context(|| format!("reflecting {name}"))?;
-        for (block, members) in module.blocks {
-            match blocks.get(&block) {
-                Some(known) => ensure!(*known == members, "{name}: block {block} differs from the other shaders' one"),
-                None => drop(blocks.insert(block, members)),
+        for &variant in variants(&name) {
+            let compile = |optimise| compile(&compiler, &root, path, &source, variant, optimise);
+            let (named, shipped) = (compile(false)?, compile(true)?);
+            let name = variant.map_or(name.clone(), |v| format!("{name}.{}", v.to_lowercase()));
+            validator.check(&name, &shipped)?;
+            let module = reflect::Module::parse(&named).with_context(|| format!("reflecting {name}"))?;
+            for (block, members) in module.blocks {
+                match blocks.get(&block) {
+                    Some(known) => ensure!(*known == members, "{name}: block {block} differs from the others' one"),
+                    None => drop(blocks.insert(block, members)),
+                }
             }
+            write_shader(&mut shaders, &name, stage(path)?.1, &shipped, &module.bindings)?;
         }
-        write_shader(&mut shaders, &name, &shipped, &module.bindings)?;
     }
     ensure!(!blocks.is_empty(), "reflected no block member: have the names been stripped?");
 
@@ -80,8 +83,23 @@ fn stage(path: &Path) -> Result<(shaderc::ShaderKind, &'static str)> {
     })
 }
 
-fn compile(compiler: &shaderc::Compiler, root: &Path, path: &Path, source: &str, optimise: bool) -> Result<Vec<u32>> {
+/// What a shader is compiled with, each time by itself: what splats' fragments do, triangles' do as well.
+fn variants(name: &str) -> &'static [Option<&'static str>] {
+    if name.starts_with("draw/") && name.ends_with(".frag") { &[None, Some("TRIANGLE")] } else { &[None] }
+}
+
+fn compile(
+    compiler: &shaderc::Compiler,
+    root: &Path,
+    path: &Path,
+    source: &str,
+    variant: Option<&str>,
+    optimise: bool,
+) -> Result<Vec<u32>> {
     let mut options = shaderc::CompileOptions::new().context("shaderc options")?;
+    if let Some(variant) = variant {
+        options.add_macro_definition(variant, None);
+    }
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
     options.set_target_spirv(shaderc::SpirvVersion::V1_6);
     options.set_warnings_as_errors();
@@ -135,8 +153,7 @@ impl Validator {
     }
 }
 
-fn write_shader(out: &mut String, name: &str, words: &[u32], bindings: &[reflect::Binding]) -> Result<()> {
-    let (_, stage) = stage(Path::new(name))?;
+fn write_shader(out: &mut String, name: &str, stage: &str, words: &[u32], bindings: &[reflect::Binding]) -> Result<()> {
     let constant = name.to_uppercase().replace(['/', '.', '-'], "_");
     writeln!(out, "pub static {constant}: Shader = Shader {{ name: {name:?}, stage: Stage::{stage},")?;
     writeln!(out, "    bindings: &[")?;

@@ -18,7 +18,7 @@ use std::time::Instant;
 use glam::{DMat4, DVec3, dvec3};
 use surfel::ash::vk;
 use surfel::load::{self, Bounds, PointCloud, attributes, synthetic};
-use surfel::measure::Summary;
+use surfel::measure::{Summary, published};
 use surfel::select::{DepthConvention, View};
 use surfel::standalone::{Offscreen, Options, Shot, Standalone, bare};
 use surfel::structure::nodes::ErrorRule;
@@ -26,16 +26,6 @@ use surfel::structure::{Cloud, Flat, Octree, Sequential, octree, sequential};
 use surfel::style::{Shading, Style};
 use surfel::technique::{Blend, Structure, Technique};
 use surfel::{CloudId, FrameStats, Instance};
-
-/// Table 1 of paper 002, frames a second at distance, border and centre.
-const PUBLISHED: &[(Structure, [f64; 3])] = &[
-    (Structure::Flat, [15.0, 17.0, 18.0]),
-    (Structure::OneSpt, [239.0, 12.0, 12.0]),
-    (Structure::VboR, [15.0, 18.0, 228.0]),
-    (Structure::SptR, [286.0, 21.0, 160.0]),
-    (Structure::Espt, [378.0, 31.0, 240.0]),
-    (Structure::Mospt, [300.0, 28.0, 228.0]),
-];
 
 /// The structure of the second part: of those that keep every point as it is, the fastest.
 const DEFAULT: Structure = Structure::Mospt;
@@ -153,8 +143,7 @@ impl Bench {
             let other = self.off.renderer.add(built.clone()).expect("a cloud");
             for (v, (view_name, view)) in named(&bounds).iter().enumerate() {
                 let c = self.compare(id, other, view, self.rounds);
-                let published =
-                    PUBLISHED.iter().find(|(s, _)| *s == structure).map(|(_, fps)| fps[v] / PUBLISHED[0].1[v]);
+                let published = published::speedup(structure, v);
                 println!(
                     "  {:<12} {view_name:<8} {:>10} {:>10}  {:>8.1} ({:.1} to {:.1}), {:.1}  {:>6.2} ({:.2} to {:.2})  {:>8}  {:.2} ms",
                     structure.name(),

@@ -63,7 +63,7 @@ fn splats(c: &mut Criterion, points: usize, side: u32) {
         ("groups, on a sphere", &sphere, "flat.groups.point"),
     ] {
         let list = DrawList::all([points as u32]);
-        let instances = [Instance { flat, transform: DMat4::IDENTITY }];
+        let instances = [Instance::points(flat, DMat4::IDENTITY)];
         let scene = Scene {
             instances: &instances,
             list: &list,

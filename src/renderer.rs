@@ -8,6 +8,7 @@ use ash::vk;
 
 use crate::composite::{Before, Composite, resolve};
 use crate::draw::cloud::DeviceCloud;
+use crate::draw::faces::face_runs;
 use crate::draw::large::{may_hold_large, whole_in_front};
 use crate::draw::layers::{LayerPlan, Layers};
 use crate::draw::list::Listing;
@@ -266,7 +267,7 @@ impl Renderer {
                 let radius_scale = input.style.radius_scale as f64 * scale(&instance.transform);
                 let mut cloud_traits = *cloud_traits;
                 cloud_traits.closed =
-                    cloud_traits.closed && whole_in_front(flat.surface(), camera, &matrix, radius_scale);
+                    cloud_traits.closed && whole_in_front(cloud.cloud.surface(), camera, &matrix, radius_scale);
                 let mut list = DrawList::default();
                 cut::cut(&cloud.cloud, &sight, input.style, plan.culls(input.style, &cloud_traits), 0, &mut list);
                 // A point of a given size is a sprite or, with quads, a quad: never cast.
@@ -275,6 +276,7 @@ impl Renderer {
                     let limits = (low_pass, input.extent, sprite_limit);
                     !plan.pixels && may_hold_large(block, camera, &matrix, radius_scale, limits.0, limits.1, limits.2)
                 };
+                let faces = face_runs(&list.triangles, cloud.resident_faces());
                 let least = list.spans.iter().map(|s| s.least).fold(0.0, f32::max);
                 let large: Vec<u32> = if list.spans.is_empty() {
                     Vec::new()
@@ -317,6 +319,9 @@ impl Renderer {
                     main: main.of_list(listed),
                     // Where the order counts, what a sprite cannot hold must not come after everything else.
                     large: variant(if plan.ordered.is_some() { Large::Too } else { Large::Only }).of_list(listed),
+                    faces,
+                    // Behind the groups' own layers.
+                    triangles: (main.of_triangles(), plan.layers.saturating_sub(1)),
                 });
                 params.push(block);
             }
@@ -350,6 +355,7 @@ impl Renderer {
             lists.write(&listing);
         }
 
+        stats.triangles_submitted = views.iter().flatten().map(Draw::triangles).sum();
         stats.points_submitted = views.iter().flatten().map(Draw::points).sum();
         let clouds: Vec<CloudId> = input.instances.iter().map(|i| i.cloud).collect();
         let cloud_refs: Vec<&DeviceCloud> = clouds.iter().map(|id| &self.clouds[id]).collect();
@@ -689,7 +695,8 @@ impl Renderer {
         }
         for draw in views.iter().flatten() {
             for &role in roles {
-                for variant in [draw.main, draw.large] {
+                let triangles = (!draw.faces.is_empty()).then_some(draw.triangles.0);
+                for variant in [draw.main, draw.large].into_iter().chain(triangles) {
                     built += self.pipelines.ensure(&self.context, &self.splats, Variant { role, ..variant })? as u32;
                 }
             }

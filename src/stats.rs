@@ -61,6 +61,8 @@ pub struct FrameStats {
     pub frame: u64,
     /// Points given to the device.
     pub points_submitted: u64,
+    /// Triangles given to the device: those of hybrids.
+    pub triangles_submitted: u64,
     /// Points that passed selection and lie in the clip volume; `None` where nothing was counted.
     pub points_drawn: Option<u64>,
     /// The rest: `points_submitted = points_drawn + culled.total()`. `None` where nothing was counted.

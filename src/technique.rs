@@ -13,6 +13,8 @@ pub enum Structure {
     Sequential,
     /// The same by the size of cells (OneSPT, 2006).
     OneSpt,
+    /// A sequential tree with a mesh's triangles where those are larger than the threshold (2003, section 3.8).
+    Hybrid,
     /// Blocks of points in an octree (VBOsR, 2006).
     VboR,
     /// Sequential lists in an octree (SPTsR, 2006).
@@ -158,6 +160,7 @@ pub(crate) use names;
 names!(Structure {
     Flat = "flat",
     Sequential = "sequential",
+    Hybrid = "hybrid",
     OneSpt = "one-spt",
     VboR = "vbo-r",
     SptR = "spt-r",

@@ -16,7 +16,7 @@ void main() {
         discard;
     }
     State s = State(subpassLoad(in_color), vec3(0.0), subpassLoad(in_front).xy);
-    if (!fuzzy(s, z, v_color.w, color, normal)) {
+    if (!fuzzy(s, z, fragment_epsilon(), color, normal)) {
         discard;
     }
     out_color = s.color;

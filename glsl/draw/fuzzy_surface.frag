@@ -18,7 +18,7 @@ void main() {
         discard;
     }
     State s = State(subpassLoad(in_color), subpassLoad(in_normal).xyz, subpassLoad(in_front).xy);
-    if (!fuzzy(s, z, v_color.w, color, normal)) {
+    if (!fuzzy(s, z, fragment_epsilon(), color, normal)) {
         discard;
     }
     out_color = s.color;

@@ -6,5 +6,5 @@ layout(location = 2) out vec4 out_normal;   // w n
 
 void main() {
     float w = layered();
-    out_normal = vec4(v_normal * w, 0.0);
+    out_normal = vec4(fragment_normal() * w, 0.0);
 }

@@ -7,5 +7,5 @@ void main() {
     if (footprint(gl_FragCoord.xy - params.middle, z) > 1.0) {
         discard;
     }
-    gl_FragDepth = internal_depth(z + v_color.w);
+    gl_FragDepth = internal_depth(z + fragment_epsilon());
 }

@@ -11,8 +11,8 @@ bool accumulate(out vec4 color, out vec4 surface) {
         return false;
     }
     float w = weight(u2);
-    color = vec4(v_color.rgb, 1.0) * w;
-    surface = vec4(v_normal * w, -z);
+    color = vec4(fragment_color(), 1.0) * w;
+    surface = vec4(fragment_normal() * w, -z);
     gl_FragDepth = internal_depth(z);
     return true;
 }

@@ -1,9 +1,19 @@
-// The fragment's side of splat.glsl: u² and depth of what it sees of the disk.
+// What a fragment sees: u² and depth, and what it carries. Of a disk this is the fragment's side of splat.glsl; compiled with
+// TRIANGLE, of a triangle.
 #include "params.glsl"
+
+const float MISS = 1e30;
+
+#ifdef TRIANGLE
+#include "face.glsl"
+#else
 #define VARYING in
 #include "varyings.glsl"
 
-const float MISS = 1e30;
+vec3 fragment_color() { return v_color.rgb; }       // linear light
+vec3 fragment_normal() { return v_normal; }         // eye space, unit
+float fragment_epsilon() { return v_color.w; }
+float fragment_radius() { return abs(v_centre.w); }
 
 // Returns u² (more than 1: nothing here) and the linear depth.
 float footprint(vec2 fragment, out float z) {
@@ -46,3 +56,4 @@ float footprint(vec2 fragment, out float z) {
     float on_screen = dot(d, d) / (params.low_pass * params.low_pass);
     return min(on_disk, on_screen);
 }
+#endif

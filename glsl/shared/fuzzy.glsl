@@ -7,7 +7,7 @@
 bool fragment(out float z, out vec4 color, out vec3 normal) {
     float u2 = footprint(gl_FragCoord.xy - params.middle, z);
     float w = weight(u2);
-    color = vec4(v_color.rgb, 1.0) * w;
-    normal = v_normal * w;
+    color = vec4(fragment_color(), 1.0) * w;
+    normal = fragment_normal() * w;
     return u2 <= 1.0;
 }

@@ -14,8 +14,9 @@ float layered() {
         discard;
     }
     float w = weight(u2);
-    out_color = vec4(v_color.rgb, 1.0) * w;
-    out_front = vec4(z + v_color.w, z, 0.0, 0.0);
-    gl_FragDepth = decisive(z, v_color.w, u2);
+    out_color = vec4(fragment_color(), 1.0) * w;
+    float epsilon = fragment_epsilon();
+    out_front = vec4(z + epsilon, z, 0.0, 0.0);
+    gl_FragDepth = decisive(z, epsilon, u2);
     return w;
 }

@@ -20,7 +20,7 @@ void main() {
         if (LIT) {
             s.normal = imageLoad(normal_image, at).xyz;
         }
-        if (fuzzy(s, z, v_color.w, color, normal)) {
+        if (fuzzy(s, z, fragment_epsilon(), color, normal)) {
             imageStore(color_image, at, s.color);
             imageStore(front_image, at, vec4(s.front, 0.0, 0.0));
             if (LIT) {

@@ -33,7 +33,7 @@ layout(set = 0, binding = 0, std140) uniform DrawParams {
 // What a run of points has of its own. Twin: src/gpu/layout.rs.
 layout(push_constant) uniform RunPush {
     uint first;             // compute: first point in the chunk, or first tile
-    uint count;             // compute: number of points
+    uint count;             // compute: number of points; triangles: their layer
     float least;            // least stored radius of its points, see Span
 } run;
 

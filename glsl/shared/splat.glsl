@@ -12,6 +12,7 @@
 #include "octahedral.glsl"
 #include "pixel.glsl"
 #include "interval.glsl"
+#include "tolerance.glsl"
 
 const uint DRAWN = 0u;      // a sprite holds it
 const uint TOO_LARGE = 1u;  // drawn as a quad whose fragments cast their ray in eye space
@@ -34,14 +35,6 @@ struct Splat {
     vec2 slope;     // depth along r t1 and r t2
     vec4 box;       // min and max [px] of the footprint within the picture, from its middle
 };
-
-// What the low-pass spreads a splat over counts as its radius: a pixel's width on its plane, tan θ times as deep as
-// wide. Without it the one fragment in front hides the rest of its own surface wherever splats are smaller than pixels.
-// Beyond 8 (83°) a pixel's depth says nothing any more.
-float tolerance(float radius, float pixel, float nv) {
-    float steep = min(sqrt(max(1.0 - nv * nv, 0.0)) / -nv, 8.0);
-    return max(params.tolerance_absolute, params.tolerance_relative * max(radius, params.low_pass * pixel * max(steep, 1.0)));
-}
 
 // Where the line t + u·across meets the unit circle, across a unit normal's direction `along`: no angles, since the
 // inverse trigonometric functions are only good for some 10⁻⁴.

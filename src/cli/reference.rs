@@ -158,8 +158,7 @@ pub fn splats(
     draw: impl FnOnce(&Splats) -> Picture,
 ) -> Picture {
     let list = cut::drawn(instances, view, [width, height], style);
-    let instances: Vec<_> =
-        instances.iter().map(|(cloud, transform)| Instance { flat: cloud.flat(), transform: *transform }).collect();
+    let instances: Vec<_> = instances.iter().map(|(cloud, transform)| Instance::of(cloud, *transform)).collect();
     let (instances, list) = (instances.as_slice(), &list);
     draw(&Splats { instances, list, view, width, height, technique, style, host_depth: None })
 }

@@ -51,6 +51,7 @@ impl Report {
             "layer_bytes": stats.layer_bytes,
             "sums": stats.sums.name(),
             "points_input": self.points_input,
+            "triangles_submitted": stats.triangles_submitted,
             "points_submitted": stats.points_submitted,
             "points_drawn": stats.points_drawn,
             "culled": stats.culled.map(|c| culled(&c).into_iter().map(|(k, v)| (k.to_owned(), json!(v))).collect::<Value>()),
@@ -89,6 +90,9 @@ impl Report {
         }
         let drawn = stats.points_drawn.map_or("?".into(), grouped);
         row("points", format!("{} in the input, {drawn} drawn", grouped(self.points_input)));
+        if stats.triangles_submitted > 0 {
+            row("triangles", format!("{} submitted", grouped(stats.triangles_submitted)));
+        }
         let parts = stats.culled.map(|c| culled(&c)).unwrap_or_default();
         let parts: Vec<String> =
             parts.iter().filter(|(_, n)| *n > 0).map(|(name, n)| format!("{} {name}", grouped(*n))).collect();

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 
 use glam::DVec3;
 use surfel::load::attributes::{self, RadiusRule};
-use surfel::load::{Bounds, PointCloud};
+use surfel::load::{Bounds, Mesh, PointCloud};
 use surfel::select::View;
 use surfel::structure::{Arrangement, Flat};
 
@@ -160,9 +160,9 @@ impl Scene {
         complete(cloud, look.radius, self.shade, self.by, &self.bounds, progress);
     }
 
-    /// What a renderer takes. One at a time: a cloud's arrays are given back as soon as they are packed.
-    pub fn pack(self) -> Vec<Flat> {
-        self.clouds.into_iter().map(|cloud| Flat::new(&cloud)).collect()
+    /// What a renderer takes, and the faces. One at a time: a cloud's arrays are given back as soon as they are packed.
+    pub fn pack(self) -> Vec<(Flat, Option<Mesh>)> {
+        self.clouds.into_iter().map(|cloud| (Flat::new(&cloud), cloud.mesh)).collect()
     }
 }
 

@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 
+use surfel::load::Mesh;
 use surfel::select::View;
 use surfel::structure::groups::Relax;
 use surfel::structure::nodes::{self, ErrorRule};
-use surfel::structure::{Arrangement, Cloud, Flat, Groups, Octree, Sequential, octree, sequential};
+use surfel::structure::{Arrangement, Cloud, Flat, Groups, Hybrid, Octree, Sequential, octree, sequential};
 use surfel::technique::{Blend, Structure, Technique};
 
 use super::args::{LevelArgs, StructureArgs};
@@ -53,7 +54,7 @@ pub fn check(args: &StructureArgs, technique: &Technique, inputs: usize) -> Resu
 
 /// Makes what the technique needs, and stores the points in the order that is asked for. Returns what there is to say.
 pub fn build(
-    flats: Vec<Flat>,
+    packed: Vec<(Flat, Option<Mesh>)>,
     args: &StructureArgs,
     technique: &Technique,
     view: &View,
@@ -62,10 +63,11 @@ pub fn build(
     let mut said = Vec::new();
     let mut built = Vec::new();
     let grouped = technique.blend == Blend::Groups;
-    for mut flat in flats {
+    for (mut flat, mesh) in packed {
         if technique.structure != Structure::Flat {
             let relax = grouped.then(|| relax(args));
-            let (cloud, sentence) = level(&flat, technique.structure, &args.levels, relax.as_ref(), progress)?;
+            let of = (&flat, mesh.as_ref());
+            let (cloud, sentence) = level(of, technique.structure, &args.levels, relax.as_ref(), progress)?;
             said.push(sentence);
             built.push(cloud);
             continue;
@@ -78,9 +80,9 @@ pub fn build(
     Ok((built, said))
 }
 
-/// A structure with levels over a cloud, with groups where `relax` is given, and what there is to say of it.
+/// A structure with levels over a cloud and its faces, with groups where `relax` is given, and what there is to say of it.
 pub fn level(
-    flat: &Flat,
+    (flat, mesh): (&Flat, Option<&Mesh>),
     structure: Structure,
     args: &LevelArgs,
     relax: Option<&Relax>,
@@ -96,9 +98,31 @@ pub fn level(
         }
         anyhow::Ok((tree.bytes(), tree.moved, Cloud::from(Arc::new(tree))))
     };
-    let tree = |rule, blocks| {
+    let blocks = if args.clusters { 0 } else { args.block };
+    let options = |rule, blocks| {
         let clusters = args.clusters && blocks == 0;
-        let options = sequential::Options { rule, clusters, blocks, ..Default::default() };
+        sequential::Options { rule, clusters, blocks, ..Default::default() }
+    };
+    let grouped = |tree: &mut Sequential| -> Result<()> {
+        if let Some(relax) = relax {
+            // A cut has no node with its parent, and neighbours seldom differ by more than a level.
+            let (levels, links) = (&tree.levels, &tree.nodes.links);
+            let child = |a: usize, b: usize| links[a][0] != nodes::NONE && links[b][1] == links[a][0];
+            let together = |a: usize, b: usize| levels[a].abs_diff(levels[b]) <= 1 && !child(a, b) && !child(b, a);
+            tree.flat.groups = Some(Groups::color_where(&tree.flat, relax, together)?);
+        }
+        Ok(())
+    };
+    let hybrid = || {
+        let Some(mesh) = mesh.filter(|mesh| !mesh.triangles.is_empty()) else {
+            bail!("--structure hybrid: an input has no faces");
+        };
+        let mut hybrid = Hybrid::build(flat, mesh, &options(args.error, blocks));
+        grouped(&mut hybrid.tree)?;
+        anyhow::Ok((hybrid.bytes(), 0.0, Cloud::from(Arc::new(hybrid))))
+    };
+    let tree = |rule, blocks| {
+        let options = options(rule, blocks);
         let mut tree = match args.tree.as_deref().filter(|path| path.exists()) {
             Some(path) => {
                 let kept = Sequential::load(path)?;
@@ -113,17 +137,12 @@ pub fn level(
                 made
             }
         };
-        if let Some(relax) = relax {
-            // A cut has no node with its parent, and neighbours seldom differ by more than a level.
-            let (levels, links) = (&tree.levels, &tree.nodes.links);
-            let child = |a: usize, b: usize| links[a][0] != nodes::NONE && links[b][1] == links[a][0];
-            let together = |a: usize, b: usize| levels[a].abs_diff(levels[b]) <= 1 && !child(a, b) && !child(b, a);
-            tree.flat.groups = Some(Groups::color_where(&tree.flat, relax, together)?);
-        }
+        grouped(&mut tree)?;
         anyhow::Ok((tree.bytes(), 0.0, Cloud::from(Arc::new(tree))))
     };
     let (bytes, moved, cloud) = match structure {
-        Structure::Sequential => tree(args.error, if args.clusters { 0 } else { args.block })?,
+        Structure::Sequential => tree(args.error, blocks)?,
+        Structure::Hybrid => hybrid()?,
         Structure::OneSpt => tree(ErrorRule::Cell, 0)?,
         Structure::SptR => tree(ErrorRule::Cell, args.block)?,
         Structure::VboR => octree(octree::Preset::VboR)?,

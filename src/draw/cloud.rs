@@ -13,6 +13,7 @@ use crate::structure::flat::{BLOCK, Block};
 use crate::structure::nodes::{ErrorRule, NONE, Node, Nodes};
 use crate::structure::{Cloud, Flat};
 
+use super::faces::{self, Faces};
 use super::plan::CloudTraits;
 
 /// Points a chunk: 64 MiB of geometry, half the least `maxStorageBufferRange` of 128 MiB; a multiple of [`BLOCK`].
@@ -61,6 +62,8 @@ pub struct DeviceCloud {
     pub bounds: Block,
     /// What has been uploaded, in order.
     pub chunks: Vec<Chunk>,
+    /// The same of faces, after all points.
+    pub faces: Vec<Faces>,
     pool: vk::DescriptorPool,
 }
 
@@ -68,11 +71,12 @@ impl DeviceCloud {
     /// Nothing is uploaded yet.
     pub fn new(context: &Context, cloud: Cloud) -> Result<DeviceCloud> {
         let flat = cloud.flat();
-        let sets = flat.len().div_ceil(CHUNK).max(1) as u32;
+        let triangles = cloud.triangles().map_or(0, |t| t.len().div_ceil(faces::CHUNK));
+        let sets = (flat.len().div_ceil(CHUNK).max(1) + triangles) as u32;
         let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 6 * sets }];
         let pool = context.descriptor_pool("cloud.sets", sets, &sizes)?;
         let bounds = Block::around(&flat.blocks);
-        Ok(DeviceCloud { cloud, bounds, chunks: Vec::new(), pool })
+        Ok(DeviceCloud { cloud, bounds, chunks: Vec::new(), faces: Vec::new(), pool })
     }
 
     /// Its points.
@@ -89,7 +93,13 @@ impl DeviceCloud {
             closed: flat.closed,
             groups: flat.groups.as_ref().map(|g| (g.count, g.overlapping)),
             rule: self.cloud.nodes().map(|n| n.rule),
+            triangles: self.cloud.triangles().is_some(),
         }
+    }
+
+    /// Faces on the device.
+    pub fn resident_faces(&self) -> usize {
+        self.faces.last().map_or(0, |f| (f.first + f.count) as usize)
     }
 
     /// Points on the device.
@@ -102,7 +112,12 @@ impl DeviceCloud {
         let flat = self.flat();
         let (all, done) = (flat.len() as u64, self.resident() as u64);
         let nodes = self.cloud.nodes().map_or(0, |n| size_of_val(&n.links[..]) as u64);
-        (flat.bytes() + nodes).checked_div(all).unwrap_or(0) * (all - done)
+        let points = (flat.bytes() + nodes).checked_div(all).unwrap_or(0) * (all - done);
+        points
+            + self.cloud.triangles().map_or(0, |triangles| {
+                let (all, done) = (triangles.len() as u64, self.resident_faces() as u64);
+                triangles.bytes().checked_div(all).unwrap_or(0) * (all - done)
+            })
     }
 
     /// Makes the next chunk and the copies that fill it; `None` when everything is there. The staging memory must live
@@ -112,7 +127,11 @@ impl DeviceCloud {
         let (flat, first) = (cloud.flat(), self.resident());
         let count = (flat.len() - first).min(CHUNK);
         if count == 0 {
-            return Ok(None);
+            let first = self.resident_faces();
+            let Some(triangles) = cloud.triangles().filter(|t| t.len() > first) else { return Ok(None) };
+            let (faces, upload) = Faces::upload(context, program, self.pool, triangles, first)?;
+            self.faces.push(faces);
+            return Ok(Some(upload));
         }
         let range = first..first + count;
         let nodes = cloud.nodes().map(|nodes| of_chunk(nodes, range.clone()));
@@ -129,41 +148,7 @@ impl DeviceCloud {
             ("links", nodes.as_ref().map(|n| bytemuck::cast_slice(&n.links))),
             ("nodes", nodes.as_ref().filter(|n| !n.places.is_empty()).map(|n| bytemuck::cast_slice(&n.places))),
         ];
-        let bytes = |data: Option<&[u8]>| data.map_or(0, |d| (d.len() as u64).next_multiple_of(16));
-
-        let mut made: [Option<Buffer>; 6] = Default::default();
-        let usage = vk::BufferUsageFlags::VERTEX_BUFFER
-            | vk::BufferUsageFlags::STORAGE_BUFFER
-            | vk::BufferUsageFlags::TRANSFER_DST;
-        let all = (|| -> Result<(Upload, vk::DescriptorSet)> {
-            for (to, (name, data)) in made.iter_mut().zip(streams) {
-                if let Some(data) = data {
-                    // Bytes are read four at a time.
-                    let size = (data.len() as u64).next_multiple_of(4);
-                    *to = Some(Buffer::new(context, name, size, usage, Location::Device)?);
-                }
-            }
-            let mut upload = Upload::new(context, streams.iter().map(|(_, data)| bytes(*data)).sum())?;
-            for (to, (_, data)) in made.iter().zip(streams) {
-                if let Some((to, data)) = to.as_ref().zip(data) {
-                    upload.write(to, data);
-                }
-            }
-            match context.descriptor_sets(self.pool, &[program.sets[1]]) {
-                Ok(sets) => Ok((upload, sets[0])),
-                Err(e) => {
-                    upload.staging.destroy(context);
-                    Err(e)
-                }
-            }
-        })();
-        let (upload, set) = match all {
-            Ok(done) => done,
-            Err(e) => {
-                made.into_iter().flatten().for_each(|b| b.destroy(context));
-                return Err(e);
-            }
-        };
+        let (made, upload, set) = fill(context, program, self.pool, streams)?;
         let [Some(geometry), normals, colors, groups, links, nodes] = made else { unreachable!("geometry was made") };
         let (first, count) = (first as u32, count as u32);
         let chunk = Chunk { first, count, geometry, normals, colors, groups, links, nodes, set };
@@ -171,21 +156,7 @@ impl DeviceCloud {
         let stand_in = chunk.geometry.handle;
         let or = |b: &Option<Buffer>| b.as_ref().map_or(stand_in, |b| b.handle);
         let [geometry, normals, colors, groups] = chunk.streams();
-        let infos = [geometry, normals, colors, groups, or(&chunk.links), or(&chunk.nodes)]
-            .map(|buffer| [vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }]);
-        let writes: Vec<_> = (0..)
-            .zip(&infos)
-            // Without shaders that choose a layer, the set has no place for the groups.
-            .filter(|(binding, _)| *binding != 3 || context.enabled.output_layer)
-            .map(|(binding, info)| {
-                vk::WriteDescriptorSet::default()
-                    .dst_set(set)
-                    .dst_binding(binding)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .buffer_info(info)
-            })
-            .collect();
-        context.write_sets(&writes);
+        write_set(context, set, [geometry, normals, colors, groups, or(&chunk.links), or(&chunk.nodes)]);
         self.chunks.push(chunk);
         Ok(Some(upload))
     }
@@ -193,10 +164,72 @@ impl DeviceCloud {
     /// Gives everything up after `frame`.
     pub fn retire(self, queue: &mut RetireQueue, frame: u64) {
         let chunks = self.chunks.into_iter();
-        let buffers = chunks.flat_map(|c| [Some(c.geometry), c.normals, c.colors, c.groups, c.links, c.nodes]);
-        buffers.flatten().for_each(|buffer| queue.push(frame, Retired::Buffer(buffer)));
+        let buffers =
+            chunks.flat_map(|c| [Some(c.geometry), c.normals, c.colors, c.groups, c.links, c.nodes]).flatten();
+        let faces = self.faces.into_iter().flat_map(|f| f.buffers);
+        buffers.chain(faces).for_each(|buffer| queue.push(frame, Retired::Buffer(buffer)));
         queue.push(frame, Retired::DescriptorPool(self.pool));
     }
+}
+
+/// Device buffers with this content, the copies that fill them, and a set for them: all, or nothing is left.
+pub(super) fn fill<const N: usize>(
+    context: &mut Context,
+    program: &Program,
+    pool: vk::DescriptorPool,
+    streams: [(&str, Option<&[u8]>); N],
+) -> Result<([Option<Buffer>; N], Upload, vk::DescriptorSet)> {
+    let bytes = |data: Option<&[u8]>| data.map_or(0, |d| (d.len() as u64).next_multiple_of(16));
+    let mut made = [const { None }; N];
+    let usage =
+        vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
+    let all = (|| -> Result<(Upload, vk::DescriptorSet)> {
+        for (to, (name, data)) in made.iter_mut().zip(streams) {
+            if let Some(data) = data {
+                // Bytes are read four at a time.
+                let size = (data.len() as u64).next_multiple_of(4);
+                *to = Some(Buffer::new(context, name, size, usage, Location::Device)?);
+            }
+        }
+        let mut upload = Upload::new(context, streams.iter().map(|(_, data)| bytes(*data)).sum())?;
+        for (to, (_, data)) in made.iter().zip(streams) {
+            if let Some((to, data)) = to.as_ref().zip(data) {
+                upload.write(to, data);
+            }
+        }
+        match context.descriptor_sets(pool, &[program.sets[1]]) {
+            Ok(sets) => Ok((upload, sets[0])),
+            Err(e) => {
+                upload.staging.destroy(context);
+                Err(e)
+            }
+        }
+    })();
+    match all {
+        Ok((upload, set)) => Ok((made, upload, set)),
+        Err(e) => {
+            made.into_iter().flatten().for_each(|b| b.destroy(context));
+            Err(e)
+        }
+    }
+}
+
+/// Points a chunk's set to its buffers, by binding.
+pub(super) fn write_set(context: &Context, set: vk::DescriptorSet, buffers: [vk::Buffer; 6]) {
+    let infos = buffers.map(|buffer| [vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }]);
+    let writes: Vec<_> = (0..)
+        .zip(&infos)
+        // Without shaders that choose a layer, the set has no place for the groups.
+        .filter(|(binding, _)| *binding != 3 || context.enabled.output_layer)
+        .map(|(binding, info)| {
+            vk::WriteDescriptorSet::default()
+                .dst_set(set)
+                .dst_binding(binding)
+                .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                .buffer_info(info)
+        })
+        .collect();
+    context.write_sets(&writes);
 }
 
 /// What the test of a chunk's points reads.

@@ -2,6 +2,7 @@
 
 pub mod cloud;
 pub mod count;
+pub mod faces;
 pub mod fuzzy;
 pub mod groups;
 pub mod large;

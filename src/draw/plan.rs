@@ -18,6 +18,8 @@ pub struct CloudTraits {
     pub groups: Option<(u32, bool)>,
     /// What is tested point by point, if anything is.
     pub rule: Option<ErrorRule>,
+    /// It has faces besides points.
+    pub triangles: bool,
 }
 
 /// What the host has that decides: all but the frame itself.
@@ -93,6 +95,8 @@ impl FramePlan {
         if blend == Blend::Groups {
             let groups = || clouds.iter().filter_map(|c| c.groups);
             layers = groups().map(|(count, _)| count).max().unwrap_or(0).max(1);
+            // Faces do not overlap each other, and splats may lie on them.
+            layers += clouds.iter().any(|c| c.triangles) as u32;
             voronoi = style.voronoi;
             if voronoi == Voronoi::Off {
                 skip("voronoi depth", "not asked for");
@@ -169,7 +173,8 @@ impl FramePlan {
 mod tests {
     use super::*;
 
-    const SCAN: CloudTraits = CloudTraits { normals: true, colors: true, closed: false, groups: None, rule: None };
+    const SCAN: CloudTraits =
+        CloudTraits { normals: true, colors: true, closed: false, groups: None, rule: None, triangles: false };
     const ALL: Surroundings = Surroundings {
         depth_target: true,
         host_depth: true,

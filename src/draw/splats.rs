@@ -11,6 +11,7 @@ use crate::stats::OrderedAccess;
 use crate::structure::flat::{BLOCK, Block};
 
 use super::cloud::DeviceCloud;
+use super::faces::FaceRun;
 use super::list::{Lists, Test};
 use super::variant::{Pipelines, Role, Variant};
 
@@ -57,12 +58,26 @@ pub struct Draw {
     pub main: Variant,
     /// Variant for what a sprite cannot hold.
     pub large: Variant,
+    /// Faces, drawn before all points.
+    pub faces: Vec<FaceRun>,
+    /// Variant for those, and the layer that they go to where there are layers.
+    pub triangles: (Variant, u32),
 }
 
 impl Draw {
     /// Points submitted.
     pub fn points(&self) -> u64 {
         self.submitted.iter().map(|r| r.count as u64).sum()
+    }
+
+    /// Whether nothing is drawn.
+    pub fn is_empty(&self) -> bool {
+        self.runs.is_empty() && self.faces.is_empty()
+    }
+
+    /// Faces submitted.
+    pub fn triangles(&self) -> u64 {
+        self.faces.iter().map(|r| r.count as u64).sum()
     }
 
     /// Whether there may be splats that a sprite cannot hold.
@@ -141,8 +156,9 @@ impl Bindings<'_> {
     /// Records one role's draws of a view. Returns the number of draw calls.
     pub fn draw(&self, context: &Context, cmd: vk::CommandBuffer, role: Role, draws: &[Draw]) -> u32 {
         let mut calls = 0;
-        for draw in draws.iter().filter(|d| !d.runs.is_empty()) {
+        for draw in draws.iter().filter(|d| !d.is_empty()) {
             let mut bound = self.begin(context, cmd, draw);
+            calls += self.faces(context, cmd, role, draw);
             let mut runs = draw.runs.iter().copied().peekable();
             while let Some(mut run) = runs.next() {
                 while let Some(next) = runs.next_if(|next| run.goes_on_with(next)) {
@@ -176,8 +192,9 @@ impl Bindings<'_> {
     /// number of draw calls.
     pub fn draw_ordered(&self, context: &Context, cmd: vk::CommandBuffer, role: Role, draws: &[Draw]) -> u32 {
         let mut calls = 0;
-        for draw in draws.iter().filter(|d| !d.runs.is_empty()) {
+        for draw in draws.iter().filter(|d| !d.is_empty()) {
             let mut bound = self.begin(context, cmd, draw);
+            calls += self.faces(context, cmd, role, draw);
             for run in &draw.runs {
                 let variant = if run.large { draw.large } else { draw.main };
                 calls += self.run(context, cmd, &mut bound, draw, Variant { role, ..variant }, run);
@@ -190,6 +207,27 @@ impl Bindings<'_> {
         self.bind_set(context, cmd, 0, self.params, &[draw.params]);
         self.bind_set(context, cmd, 2, self.select, &[]);
         Bound::default()
+    }
+
+    /// Records a draw's faces. Returns the number of draw calls.
+    fn faces(&self, context: &Context, cmd: vk::CommandBuffer, role: Role, draw: &Draw) -> u32 {
+        if draw.faces.is_empty() {
+            return 0;
+        }
+        let (variant, layer) = draw.triangles;
+        let pipeline = self.pipelines.get(&Variant { role, ..variant });
+        context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
+        let push = RunPush { first: 0, count: layer, least: 0.0, padding: [] };
+        context.push(cmd, self.program.layout, RUN_STAGES, bytemuck::bytes_of(&push));
+        let mut chunk = usize::MAX;
+        for run in &draw.faces {
+            if chunk != run.chunk {
+                chunk = run.chunk;
+                self.bind_set(context, cmd, 1, self.clouds[draw.cloud].faces[chunk].set, &[]);
+            }
+            context.draw(cmd, 3 * run.first, 3 * run.count);
+        }
+        draw.faces.len() as u32
     }
 
     fn bind_set(

@@ -27,31 +27,44 @@ pub fn shaders(enabled: &Enabled) -> Vec<&'static Shader> {
         &spirv::DRAW_VISIBILITY_FRAG,
         &spirv::DRAW_ACCUMULATE_FRAG,
         &spirv::DRAW_ACCUMULATE_SURFACE_FRAG,
+        &spirv::DRAW_TRIANGLE_VERT,
+        &spirv::DRAW_VISIBILITY_FRAG_TRIANGLE,
+        &spirv::DRAW_ACCUMULATE_FRAG_TRIANGLE,
+        &spirv::DRAW_ACCUMULATE_SURFACE_FRAG_TRIANGLE,
         &spirv::SELECT_COUNT_COMP,
         &spirv::SELECT_MARK_COMP,
         &spirv::SELECT_SCAN_COMP,
         &spirv::SELECT_LIST_COMP,
     ];
     if enabled.rasterization_order {
-        shaders.extend([&spirv::DRAW_FUZZY_FRAG, &spirv::DRAW_FUZZY_SURFACE_FRAG]);
+        shaders.extend([
+            &spirv::DRAW_FUZZY_FRAG,
+            &spirv::DRAW_FUZZY_SURFACE_FRAG,
+            &spirv::DRAW_FUZZY_FRAG_TRIANGLE,
+            &spirv::DRAW_FUZZY_SURFACE_FRAG_TRIANGLE,
+        ]);
     }
-    shaders.extend(interlock(enabled));
+    shaders.extend(interlock(enabled).into_iter().flatten());
     if enabled.output_layer {
         shaders.extend([
             &spirv::DRAW_POINT_LAYERED_VERT,
             &spirv::DRAW_QUAD_LAYERED_VERT,
             &spirv::DRAW_GROUPS_FRAG,
             &spirv::DRAW_GROUPS_SURFACE_FRAG,
+            &spirv::DRAW_TRIANGLE_LAYERED_VERT,
+            &spirv::DRAW_GROUPS_FRAG_TRIANGLE,
+            &spirv::DRAW_GROUPS_SURFACE_FRAG_TRIANGLE,
         ]);
     }
     shaders
 }
 
-fn interlock(enabled: &Enabled) -> Option<&'static Shader> {
+/// Of splats and of triangles.
+fn interlock(enabled: &Enabled) -> Option<[&'static Shader; 2]> {
     match enabled.interlock {
         Interlock::Absent => None,
-        Interlock::Pixel => Some(&spirv::DRAW_FUZZY_INTERLOCK_FRAG),
-        Interlock::Implicit => Some(&spirv::DRAW_FUZZY_IMPLICIT_FRAG),
+        Interlock::Pixel => Some([&spirv::DRAW_FUZZY_INTERLOCK_FRAG, &spirv::DRAW_FUZZY_INTERLOCK_FRAG_TRIANGLE]),
+        Interlock::Implicit => Some([&spirv::DRAW_FUZZY_IMPLICIT_FRAG, &spirv::DRAW_FUZZY_IMPLICIT_FRAG_TRIANGLE]),
     }
 }
 
@@ -100,6 +113,8 @@ pub struct Variant {
     pub role: Role,
     /// Quads pulled from storage, not point primitives.
     pub quads: bool,
+    /// Faces, pulled from storage; neither sprites nor quads.
+    pub triangles: bool,
     /// FOOTPRINT.
     pub footprint: u32,
     /// APPROXIMATE.
@@ -155,6 +170,7 @@ impl Variant {
         Variant {
             role,
             quads: plan.quads || large != Large::Never,
+            triangles: false,
             footprint: if plan.pixels { 2 } else { plan.disc as u32 },
             approximate: style.ellipse == Ellipse::Approximate,
             cull: plan.culls(style, cloud),
@@ -181,6 +197,7 @@ impl Variant {
         Variant {
             role: Role::Compact(step),
             quads: false,
+            triangles: false,
             footprint: 0,
             approximate: false,
             cull: false,
@@ -194,6 +211,22 @@ impl Variant {
             sums: SumPrecision::Single,
             test: if step == Step::Mark { test } else { None },
             listed: false,
+        }
+    }
+
+    /// The variant that draws the triangles of the same cloud: what makes no difference to them is off.
+    pub fn of_triangles(self) -> Variant {
+        Variant {
+            quads: false,
+            triangles: true,
+            footprint: 0,
+            approximate: false,
+            large: Large::Never,
+            pairs: false,
+            voronoi: Voronoi::Off,
+            test: None,
+            listed: false,
+            ..self
         }
     }
 
@@ -236,7 +269,11 @@ impl Variant {
             colors
         };
         let depth = |format, compare, write, mark_hidden| Some(DepthMode { format, compare, write, mark_hidden });
-        let accumulate = if self.surface { &spirv::DRAW_ACCUMULATE_SURFACE_FRAG } else { &spirv::DRAW_ACCUMULATE_FRAG };
+        let form = |[splat, triangle]: [&'static Shader; 2]| if self.triangles { triangle } else { splat };
+        let accumulate = form(match self.surface {
+            true => [&spirv::DRAW_ACCUMULATE_SURFACE_FRAG, &spirv::DRAW_ACCUMULATE_SURFACE_FRAG_TRIANGLE],
+            false => [&spirv::DRAW_ACCUMULATE_FRAG, &spirv::DRAW_ACCUMULATE_FRAG_TRIANGLE],
+        });
         let (greater, not_less) = (vk::CompareOp::GREATER, vk::CompareOp::GREATER_OR_EQUAL);
         let mut pass = None;
         let (name, fragment, colors, depth): (_, &Shader, Vec<ColorTarget>, _) = match self.role {
@@ -250,7 +287,8 @@ impl Variant {
                 return program.compute(context, name, shader, &constants);
             }
             Role::Visibility => {
-                ("visibility", &spirv::DRAW_VISIBILITY_FRAG, vec![], depth(DEPTH, greater, true, false))
+                let shaders = [&spirv::DRAW_VISIBILITY_FRAG, &spirv::DRAW_VISIBILITY_FRAG_TRIANGLE];
+                ("visibility", form(shaders), vec![], depth(DEPTH, greater, true, false))
             }
             Role::Accumulate => {
                 let mut colors = with_surface(vec![ColorTarget { blend: BlendMode::Add, ..sum }]);
@@ -260,19 +298,28 @@ impl Variant {
             Role::Opaque => ("opaque", accumulate, with_surface(vec![sum]), depth(DEPTH, greater, true, false)),
             Role::Fuzzy(OrderedAccess::RasterizationOrder) => {
                 pass = Some(passes.get(context, self.sums, self.surface)?);
-                let shader = if self.surface { &spirv::DRAW_FUZZY_SURFACE_FRAG } else { &spirv::DRAW_FUZZY_FRAG };
+                let shader = form(match self.surface {
+                    true => [&spirv::DRAW_FUZZY_SURFACE_FRAG, &spirv::DRAW_FUZZY_SURFACE_FRAG_TRIANGLE],
+                    false => [&spirv::DRAW_FUZZY_FRAG, &spirv::DRAW_FUZZY_FRAG_TRIANGLE],
+                });
                 ("fuzzy", shader, with_surface(vec![sum, front]), None)
             }
             Role::Fuzzy(OrderedAccess::Interlock) => {
                 let shader = interlock(&context.enabled).expect("planned only where it is enabled");
-                ("fuzzy", shader, vec![], None)
+                ("fuzzy", form(shader), vec![], None)
             }
             Role::Groups => {
-                let shader = if self.surface { &spirv::DRAW_GROUPS_SURFACE_FRAG } else { &spirv::DRAW_GROUPS_FRAG };
+                let shader = form(match self.surface {
+                    true => [&spirv::DRAW_GROUPS_SURFACE_FRAG, &spirv::DRAW_GROUPS_SURFACE_FRAG_TRIANGLE],
+                    false => [&spirv::DRAW_GROUPS_FRAG, &spirv::DRAW_GROUPS_FRAG_TRIANGLE],
+                });
                 ("groups", shader, with_surface(vec![sum, front]), depth(LAYER_DEPTH, greater, true, false))
             }
         };
+        let pulled = self.quads || self.triangles;
         let vertex = match (self.role == Role::Groups, self.quads) {
+            (false, _) if self.triangles => &spirv::DRAW_TRIANGLE_VERT,
+            (true, _) if self.triangles => &spirv::DRAW_TRIANGLE_LAYERED_VERT,
             (false, false) => &spirv::DRAW_POINT_VERT,
             (false, true) => &spirv::DRAW_QUAD_VERT,
             (true, false) => &spirv::DRAW_POINT_LAYERED_VERT,
@@ -286,12 +333,8 @@ impl Variant {
                 vertex,
                 fragment,
                 constants: &constants,
-                streams: if self.quads { &[] } else { &STREAMS[..streams] },
-                topology: if self.quads {
-                    vk::PrimitiveTopology::TRIANGLE_LIST
-                } else {
-                    vk::PrimitiveTopology::POINT_LIST
-                },
+                streams: if pulled { &[] } else { &STREAMS[..streams] },
+                topology: if pulled { vk::PrimitiveTopology::TRIANGLE_LIST } else { vk::PrimitiveTopology::POINT_LIST },
                 colors: &colors,
                 depth,
                 samples: vk::SampleCountFlags::TYPE_1,

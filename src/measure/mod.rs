@@ -10,6 +10,7 @@ pub mod flip;
 mod image;
 mod interior;
 pub mod pareto;
+pub mod published;
 mod silhouette;
 mod ssim;
 pub mod timing;

@@ -25,11 +25,13 @@ impl Bins {
             .into_par_iter()
             .with_min_len(1024)
             .map(|number| {
-                let (bound, fate) = match setup.point(number) {
+                let (bound, fate) = match setup.item(number) {
                     Fate::Invalid => (None, 0),
                     Fate::Away(ghost) => (ghost.filter(|_| setup.margin > 0.0).map(|g| g.1), 1),
                     Fate::Outside => (None, 2),
                     Fate::Drawn(_, bound) => (Some(bound), 3),
+                    Fate::Face(_, bound) => (Some(bound), 4),
+                    Fate::NoFace => (None, 4),
                 };
                 let tiles = bound.map_or([0; 4], |bound| {
                     let [x0, y0, x1, y1] = bound.pixels(camera);
@@ -42,7 +44,7 @@ impl Bins {
             })
             .collect();
 
-        let mut fates = [0u64; 4];
+        let mut fates = [0u64; 5];
         let mut starts = vec![0usize; columns as usize * rows as usize + 1];
         let each = |[x0, y0, x1, y1]: [u32; 4]| {
             (y0..y1).flat_map(move |y| (x0..x1).map(move |x| y as usize * columns as usize + x as usize))
@@ -63,7 +65,7 @@ impl Bins {
             }
         }
         let counts = Counts {
-            submitted: setup.len() as u64,
+            submitted: setup.len() as u64 - fates[4],
             culled_invalid: fates[0],
             culled_cone: fates[1],
             culled_frustum: fates[2],

@@ -34,7 +34,7 @@ impl Fragment {
 }
 
 /// Snapping of sprite positions \[px\]: Vulkan promises at least 4 bits below the pixel, all known devices have 8.
-const SNAP: f64 = 1.0 / 256.0;
+pub const SNAP: f64 = 1.0 / 256.0;
 
 /// The splat's fragment at this pixel centre; `None` where it has none and rounding, where ties are kept, could
 /// not make one.

@@ -124,10 +124,12 @@ pub fn draw<T: Ties>(tile: &Tile, splats: &mut [Entry]) -> Vec<Pixel> {
     let Some(decides) = &tile.setup.key else { unreachable!("the setup of groups has a key") };
     let margin = tile.setup.margin;
     // Stable: each group's splats stay in draw order.
-    splats.sort_by_key(|entry| entry.group);
+    splats.sort_by_key(|entry| entry.layer);
     let layers: Vec<Vec<Layer>> = splats
-        .chunk_by(|a, b| a.group == b.group)
+        .chunk_by(|a, b| a.layer == b.layer)
         .map(|group| {
+            // Faces have no u.
+            let decides = if group[0].layer == u32::MAX { &Key::Depth } else { decides };
             let mut layer = tile.samples(|_| Layer::EMPTY);
             tile.each::<T, _>(&mut layer, group, |pixel, entry, fragment| {
                 pixel.add::<T>(entry, fragment, decides, margin);

@@ -11,6 +11,7 @@
 //! opaque:    the nearest fragment that is no deeper than the host's depth; of equals the first
 //! two-pass:  limit = min(host, min (z + ε));  sums of w, w·c, w·n over z ≤ limit;  c = Σwc / Σw, α = min(1, 2 Σw), or 1
 //!            where any fragment lies behind the limit
+//! triangles: a fragment of weight 1 at every pixel centre that they cover, exact in depth, where s > τ |x − eye|
 //! fuzzy:     zd = ∞, limit = host;  for every fragment in order:
 //!                z > limit → hidden;  z + ε < zd → the sums start anew with it, zd = z, limit = min(host, z + ε);
 //!                else into the sums, and unless as published zd = min(zd, z), limit = min(limit, z + ε)
@@ -40,6 +41,7 @@
 mod bins;
 mod bound;
 mod camera;
+mod face;
 mod fragment;
 mod fuzzy;
 mod groups;
@@ -58,7 +60,8 @@ pub use mesh::Surface;
 pub use truth::{MeshInstance, MeshScene, SAMPLES, ray_cast};
 
 use crate::select::{DrawList, View};
-use crate::structure::Flat;
+use crate::structure::hybrid::Triangles;
+use crate::structure::{Cloud, Flat};
 use crate::style::Style;
 use crate::technique::Technique;
 
@@ -67,8 +70,22 @@ use crate::technique::Technique;
 pub struct Instance<'a> {
     /// Its points.
     pub flat: &'a Flat,
+    /// Its faces, for a hybrid.
+    pub triangles: Option<&'a Triangles>,
     /// World from the cloud's frame: a rotation, a uniform scale, a translation.
     pub transform: DMat4,
+}
+
+impl<'a> Instance<'a> {
+    /// Points alone.
+    pub fn points(flat: &'a Flat, transform: DMat4) -> Self {
+        Instance { flat, triangles: None, transform }
+    }
+
+    /// All that may be drawn of a cloud.
+    pub fn of(cloud: &'a Cloud, transform: DMat4) -> Self {
+        Instance { flat: cloud.flat(), triangles: cloud.triangles(), transform }
+    }
 }
 
 /// What a frame is made of.
@@ -76,7 +93,8 @@ pub struct Instance<'a> {
 pub struct Scene<'a> {
     /// The clouds that `list` refers to.
     pub instances: &'a [Instance<'a>],
-    /// Which points, in which order. Every span must lie within its cloud; at most 2³² − 1 points.
+    /// Which triangles and points, in which order: an instance's triangles come before its points. Every span must lie within
+    /// its cloud; at most 2³² − 1 of both together.
     pub list: &'a DrawList,
     /// From where.
     pub view: &'a View,

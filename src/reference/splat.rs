@@ -5,8 +5,11 @@ use glam::{DMat3, DVec2, DVec3};
 use super::Scene;
 use super::bound::{Bound, footprint};
 use super::camera::Camera;
+use super::face::{Corners, Face};
 use super::groups::{Key, NO_GROUPS};
 use crate::color::decode_table;
+use crate::select::{Sight, Span};
+use crate::structure::hybrid::Triangles;
 use crate::structure::{Flat, octahedral};
 use crate::style::{BackFaces, Ellipse, Footprint};
 use crate::technique::Blend;
@@ -57,10 +60,17 @@ pub enum Fate {
     Away(Option<(Splat, Bound)>),
     Outside,
     Drawn(Splat, Bound),
+    /// A triangle of which something may be drawn.
+    Face(Face, Bound),
+    /// A triangle that is not drawn.
+    NoFace,
 }
 
 struct Object<'a> {
     flat: &'a Flat,
+    triangles: Option<&'a Triangles>,
+    /// The eye in the cloud's frame, and τ there.
+    sight: Sight,
     /// Eye-space position of the cloud's origin: rounded once for all points, at the precision of the origin.
     origin: DVec3,
     /// Eye from cloud without translation.
@@ -74,7 +84,9 @@ struct Object<'a> {
 pub struct Setup<'a> {
     scene: &'a Scene<'a>,
     objects: Vec<Object<'a>>,
-    /// Number of the first point of each span, and the total.
+    /// Spans in the order in which they are drawn, and whether they are of triangles.
+    runs: Vec<(Span, bool)>,
+    /// Number of the first point or triangle of each, and the total.
     starts: Vec<u32>,
     pub camera: Camera,
     pub shape: Shape,
@@ -104,11 +116,23 @@ impl<'a> Setup<'a> {
                         -(origin + linear * DVec3::new(pick(0), pick(1), pick(2))).z - reach >= camera.near
                     })
                 });
-                Object { flat: i.flat, origin, linear, scale, in_front }
+                let extent = [scene.width * factor, scene.height * factor];
+                let sight = Sight::new(scene.view, extent, &i.transform, i.flat.origin, scene.style);
+                Object { flat: i.flat, triangles: i.triangles, sight, origin, linear, scale, in_front }
             })
             .collect();
-        let mut starts = vec![0u32];
+        // An instance's triangles come before the first of its points.
+        let mut triangles = scene.list.triangles.iter().peekable();
+        let mut runs = Vec::new();
         for span in &scene.list.spans {
+            while let Some(faces) = triangles.next_if(|faces| faces.instance <= span.instance) {
+                runs.push((*faces, true));
+            }
+            runs.push((*span, false));
+        }
+        runs.extend(triangles.map(|faces| (*faces, true)));
+        let mut starts = vec![0u32];
+        for (span, _) in &runs {
             let total = starts[starts.len() - 1].checked_add(span.count);
             starts.push(total.expect("at most 2³² − 1 points a frame"));
         }
@@ -118,34 +142,76 @@ impl<'a> Setup<'a> {
             Footprint::Splat => Shape::Disk { hard: scene.technique.blend == Blend::Opaque },
         };
         let key = (scene.technique.blend == Blend::Groups).then(|| Key::new(scene));
-        Setup { scene, objects, starts, camera, shape, low_pass: scene.style.low_pass as f64, margin, key }
+        Setup { scene, objects, runs, starts, camera, shape, low_pass: scene.style.low_pass as f64, margin, key }
     }
 
-    /// Points submitted.
+    /// Points and triangles submitted.
     pub fn len(&self) -> u32 {
         self.starts[self.starts.len() - 1]
     }
 
-    /// Point `number` of the draw list.
-    pub fn point(&self, number: u32) -> Fate {
+    /// Point or triangle `number` of the draw list.
+    pub fn item(&self, number: u32) -> Fate {
         let (object, index, least) = self.find(number);
-        self.splat(object, index, least)
+        match least {
+            Some(least) => self.splat(object, index, least),
+            None => match self.face(object, index).and_then(|face| face.bound(self).map(|bound| (face, bound))) {
+                Some((face, bound)) => Fate::Face(face, bound),
+                None => Fate::NoFace,
+            },
+        }
     }
 
-    /// The group of point `number`.
-    pub fn group(&self, number: u32) -> u8 {
-        let (object, index, _) = self.find(number);
+    fn face(&self, object: &Object, index: usize) -> Option<Face> {
+        let triangles = object.triangles.expect("triangles of a draw list are a hybrid's");
+        let (flat, corners) = (&triangles.vertices, triangles.corners[index]);
+        let positions = corners.map(|i| flat.position(i).as_dvec3());
+        let normal = |i: u32| flat.normals.as_ref().and_then(|n| octahedral::decode(n[i as usize]));
+        let eye = object.sight.eye;
+        // Counter-clockwise from outside, in the cloud's own frame: eye space may be mirrored.
+        let [a, b, c] = positions;
+        let away = (b - a).cross(c - a).dot(a * eye.w - eye.truncate()) > 0.0;
+        if away && flat.normals.is_some() && self.culls(object) {
+            return None;
+        }
+        let of = Corners {
+            eye_space: positions.map(|p| object.origin + object.linear * p),
+            places: positions.map(|p| p * eye.w - eye.truncate()),
+            normals: corners.map(|i| normal(i).map_or(DVec3::ZERO, |n| (object.linear * n).normalize())),
+            colors: corners.map(|i| color(flat, i as usize, self.scene.style.base_color)),
+            size: triangles.sizes[index],
+        };
+        let scale = self.scene.style.radius_scale as f64 * object.scale;
+        Some(Face::new(of, object.sight.tau, scale))
+    }
+
+    /// Whether what faces away is dropped.
+    fn culls(&self, object: &Object) -> bool {
+        match self.scene.style.back_faces {
+            BackFaces::Auto => object.flat.closed && object.in_front,
+            BackFaces::Draw => false,
+            BackFaces::Cull => true,
+        }
+    }
+
+    /// The layer of point or triangle `number`: its group, or the one after all of them.
+    pub fn layer(&self, number: u32) -> u32 {
+        let (object, index, least) = self.find(number);
+        if least.is_none() {
+            return u32::MAX;
+        }
         let groups = object.flat.groups.as_ref().expect(NO_GROUPS);
         let group = groups.of[index];
         assert!((group as u32) < groups.count, "group {group} of {}", groups.count);
-        group
+        group as u32
     }
 
-    /// The cloud of a point of the draw list, its index there, and its least radius.
-    fn find(&self, number: u32) -> (&Object<'a>, usize, f32) {
+    /// The cloud of something in the draw list, its index there, and for points the least radius.
+    fn find(&self, number: u32) -> (&Object<'a>, usize, Option<f32>) {
         let at = self.starts.partition_point(|&s| s <= number) - 1;
-        let span = self.scene.list.spans[at];
-        (&self.objects[span.instance as usize], (span.first + (number - self.starts[at])) as usize, span.least)
+        let (span, triangles) = self.runs[at];
+        let index = (span.first + (number - self.starts[at])) as usize;
+        (&self.objects[span.instance as usize], index, (!triangles).then_some(span.least))
     }
 
     fn splat(&self, object: &Object, index: usize, least: f32) -> Fate {
@@ -165,12 +231,7 @@ impl<'a> Setup<'a> {
         if let Some(normal) = octahedral::decode(code) {
             n = (object.linear * normal).normalize();
             let facing = n.dot(viewer);
-            let cull = match style.back_faces {
-                BackFaces::Auto => object.flat.closed && object.in_front,
-                BackFaces::Draw => false,
-                BackFaces::Cull => true,
-            };
-            drawn = !(cull && facing < 0.0);
+            drawn = !(self.culls(object) && facing < 0.0);
             // Two unit vectors, each with its own error.
             sure = facing.abs() >= 2.0 * self.margin;
             if facing < 0.0 {
@@ -213,21 +274,27 @@ impl Setup<'_> {
     /// What the fragments of point `number` carry; `splat` is what it became.
     pub fn look(&self, number: u32, splat: &Splat) -> Look {
         let (object, index, _) = self.find(number);
-        let viewer = self.camera.towards_viewer(splat.p);
-        let cosine = splat.n.dot(viewer);
-        // The low-pass spreads a splat over ρ pixels of its plane, tan θ times as deep as wide (83° at most): that is
-        // its radius where it exceeds r.
-        let slope = (1.0 - cosine.powi(2)).max(0.0).sqrt() / cosine.max(1e-6);
-        let spread = match splat.screen {
-            Some(at) => self.low_pass * self.camera.pixel_width(splat.p, at, viewer) * slope.clamp(1.0, 8.0),
-            None => 0.0,
-        };
-        let tolerance = self.scene.style.tolerance;
-        let epsilon = (tolerance.absolute as f64).max(tolerance.relative as f64 * splat.r.max(spread));
-        // tan θ of a steep splat is off by margin / cos θ relative to it.
-        let d_epsilon = epsilon * self.margin * (2.0 + 1.0 / cosine.max(0.1));
+        let (epsilon, d_epsilon) = tolerance(self, splat);
         Look { epsilon, d_epsilon, color: color(object.flat, index, self.scene.style.base_color) }
     }
+}
+
+/// ε of a splat, and how far off rounding may be in it.
+pub fn tolerance(setup: &Setup, splat: &Splat) -> (f64, f64) {
+    let viewer = setup.camera.towards_viewer(splat.p);
+    let cosine = splat.n.dot(viewer);
+    // The low-pass spreads a splat over ρ pixels of its plane, tan θ times as deep as wide (83° at most): that is
+    // its radius where it exceeds r.
+    let slope = (1.0 - cosine.powi(2)).max(0.0).sqrt() / cosine.max(1e-6);
+    let spread = match splat.screen {
+        Some(at) => setup.low_pass * setup.camera.pixel_width(splat.p, at, viewer) * slope.clamp(1.0, 8.0),
+        None => 0.0,
+    };
+    let tolerance = setup.scene.style.tolerance;
+    let epsilon = (tolerance.absolute as f64).max(tolerance.relative as f64 * splat.r.max(spread));
+    // tan θ of a steep splat is off by margin / cos θ relative to it.
+    let d_epsilon = epsilon * setup.margin * (2.0 + 1.0 / cosine.max(0.1));
+    (epsilon, d_epsilon)
 }
 
 impl Splat {

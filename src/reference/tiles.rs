@@ -3,6 +3,7 @@
 use glam::{DVec2, dvec2};
 
 use super::bins::{Bins, TILE};
+use super::bound::Bound;
 use super::camera::Ray;
 use super::fragment::{Fragment, fragment};
 use super::splat::{Fate, Look, Setup, Splat};
@@ -67,7 +68,9 @@ pub struct Entry {
     pub splat: Splat,
     pub look: Look,
     /// Its layer; 0 for blends without layers.
-    pub group: u8,
+    pub layer: u32,
+    /// The only fragment, of a triangle.
+    fragment: Option<Fragment>,
     /// x0, y0, x1, y1 within the tile, the last two exclusive \[samples\].
     area: [u32; 4],
 }
@@ -87,18 +90,33 @@ impl Tile<'_> {
     fn prepare(&self, numbers: &[u32]) -> Vec<Entry> {
         let [x0, y0, x1, y1] = self.area;
         let grouped = self.scene.technique.blend == Blend::Groups;
-        let entry = |&number: &u32| match self.setup.point(number) {
-            Fate::Drawn(splat, bound) | Fate::Away(Some((splat, bound))) => {
-                let [left, top, right, bottom] = bound.pixels(&self.setup.camera);
-                let look = self.setup.look(number, &splat);
-                let group = if grouped { self.setup.group(number) } else { 0 };
-                let area = [left.max(x0), top.max(y0), right.min(x1), bottom.min(y1)];
-                Some(Entry { number, splat, look, group, area })
-            }
-            _ => None,
+        let layer = |number| if grouped { self.setup.layer(number) } else { 0 };
+        let within = |bound: Bound| {
+            let [left, top, right, bottom] = bound.pixels(&self.setup.camera);
+            [left.max(x0), top.max(y0), right.min(x1), bottom.min(y1)]
         };
         let mut entries = Vec::with_capacity(numbers.len());
-        entries.extend(numbers.iter().filter_map(entry));
+        for &number in numbers {
+            match self.setup.item(number) {
+                Fate::Drawn(splat, bound) | Fate::Away(Some((splat, bound))) => {
+                    let look = self.setup.look(number, &splat);
+                    let (layer, area) = (layer(number), within(bound));
+                    entries.push(Entry { number, splat, look, layer, fragment: None, area });
+                }
+                Fate::Face(face, bound) => {
+                    // Everything about it changes from pixel to pixel: an entry for each.
+                    let [left, top, right, bottom] = within(bound);
+                    let layer = layer(number);
+                    for (x, y) in (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y))) {
+                        if let Some((splat, look, fragment)) = face.fragment(self.setup, centre(x, y)) {
+                            let area = [x, y, x + 1, y + 1];
+                            entries.push(Entry { number, splat, look, layer, fragment: Some(fragment), area });
+                        }
+                    }
+                }
+                Fate::Invalid | Fate::Away(None) | Fate::Outside | Fate::NoFace => {}
+            }
+        }
         entries
     }
 
@@ -127,7 +145,11 @@ impl Tile<'_> {
                 let row = &mut samples[((y - y0) * (x1 - x0)) as usize..];
                 for (x, state) in (left..right).zip(&mut row[(left - x0) as usize..(right - x0) as usize]) {
                     let at = centre(x, y);
-                    if let Some(fragment) = fragment::<T>(self.setup, &entry.splat, at, &self.setup.camera.ray(at)) {
+                    let found = match entry.fragment {
+                        None => fragment::<T>(self.setup, &entry.splat, at, &self.setup.camera.ray(at)),
+                        only => only.filter(|f| T::KEPT || f.inside),
+                    };
+                    if let Some(fragment) = found {
                         f(state, entry, fragment);
                     }
                 }

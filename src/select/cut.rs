@@ -19,6 +19,10 @@ pub fn cut(cloud: &Cloud, sight: &Sight, style: &Style, back_faces_culled: bool,
         }
         Cloud::Octree(octree) => octree.select(sight, instance, list),
         Cloud::Sequential(tree) => tree.select(sight, style.interval, back_faces_culled, instance, list),
+        Cloud::Hybrid(hybrid) => {
+            hybrid.triangles.select(sight, instance, list);
+            hybrid.tree.select(sight, style.interval, back_faces_culled, instance, list);
+        }
     }
 }
 
@@ -30,6 +34,7 @@ pub fn drawn(instances: &[(&Cloud, DMat4)], view: &View, extent: [u32; 2], style
         let sight = Sight::new(view, extent, transform, cloud.flat().origin, style);
         let mut submitted = DrawList::default();
         cut(cloud, &sight, style, false, instance, &mut submitted);
+        submitted.triangles.iter().for_each(|span| list.push_triangles(*span));
         let Some(nodes) = cloud.nodes() else {
             submitted.spans.into_iter().for_each(|span| list.push(span));
             continue;

@@ -16,8 +16,10 @@ pub struct Span {
 /// Spans in submission order, each in stored order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DrawList {
-    /// The runs.
+    /// The runs of points.
     pub spans: Vec<Span>,
+    /// Runs of [`Triangles`](crate::structure::hybrid::Triangles): an instance's are drawn before its points. `least` is 0.
+    pub triangles: Vec<Span>,
 }
 
 impl DrawList {
@@ -29,28 +31,37 @@ impl DrawList {
             .filter(|(_, count)| *count > 0)
             .map(|(instance, count)| Span { instance: instance as u32, first: 0, count, least: 0.0 })
             .collect();
-        DrawList { spans }
+        DrawList { spans, triangles: Vec::new() }
     }
 
     /// Adds a span; one that goes on where the last one ends, by the same rule, becomes part of it.
     pub fn push(&mut self, span: Span) {
-        if span.count == 0 {
-            return;
-        }
-        match self.spans.last_mut() {
-            Some(last)
-                if last.instance == span.instance
-                    && last.first + last.count == span.first
-                    && last.least.to_bits() == span.least.to_bits() =>
-            {
-                last.count += span.count;
-            }
-            _ => self.spans.push(span),
-        }
+        push(&mut self.spans, span);
+    }
+
+    /// The same for triangles.
+    pub fn push_triangles(&mut self, span: Span) {
+        push(&mut self.triangles, span);
     }
 
     /// Number of points submitted.
     pub fn submitted(&self) -> u64 {
         self.spans.iter().map(|s| s.count as u64).sum()
+    }
+}
+
+fn push(spans: &mut Vec<Span>, span: Span) {
+    if span.count == 0 {
+        return;
+    }
+    match spans.last_mut() {
+        Some(last)
+            if last.instance == span.instance
+                && last.first + last.count == span.first
+                && last.least.to_bits() == span.least.to_bits() =>
+        {
+            last.count += span.count;
+        }
+        _ => spans.push(span),
     }
 }

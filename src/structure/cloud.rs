@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use super::flat::Block;
+use super::hybrid::Triangles;
 use super::nodes::ErrorRule;
 use super::octree::Preset;
-use super::{Flat, Nodes, Octree, Sequential};
+use super::{Flat, Hybrid, Nodes, Octree, Sequential};
 use crate::technique::Structure;
 
 /// What a renderer takes in. Cheap to copy.
@@ -17,6 +19,8 @@ pub enum Cloud {
     Octree(Arc<Octree>),
     /// Entries tested point by point.
     Sequential(Arc<Sequential>),
+    /// The same, with the faces that are drawn where they are large enough.
+    Hybrid(Arc<Hybrid>),
 }
 
 impl Cloud {
@@ -26,6 +30,7 @@ impl Cloud {
             Cloud::Flat(flat) => flat,
             Cloud::Octree(octree) => &octree.flat,
             Cloud::Sequential(tree) => &tree.flat,
+            Cloud::Hybrid(hybrid) => &hybrid.tree.flat,
         }
     }
 
@@ -34,7 +39,24 @@ impl Cloud {
         match self {
             Cloud::Flat(_) | Cloud::Octree(_) => None,
             Cloud::Sequential(tree) => Some(&tree.nodes),
+            Cloud::Hybrid(hybrid) => Some(&hybrid.tree.nodes),
         }
+    }
+
+    /// Faces that are drawn besides points.
+    pub fn triangles(&self) -> Option<&Triangles> {
+        match self {
+            Cloud::Flat(_) | Cloud::Octree(_) | Cloud::Sequential(_) => None,
+            Cloud::Hybrid(hybrid) => Some(&hybrid.triangles),
+        }
+    }
+
+    /// Bounds of the surface itself: see [`Flat::surface`]; faces included.
+    pub fn surface(&self) -> impl Iterator<Item = Block> + '_ {
+        let faces = self.triangles().map_or(&[][..], |t| &t.blocks);
+        let bounds =
+            faces.iter().map(|b| Block { first: b.first, count: b.count, min: b.min, max: b.max, radius: 0.0 });
+        self.flat().surface().chain(bounds)
     }
 
     /// Points of the input.
@@ -43,6 +65,7 @@ impl Cloud {
             Cloud::Flat(flat) => flat.len(),
             Cloud::Octree(octree) => octree.points as usize,
             Cloud::Sequential(tree) => tree.leaves as usize,
+            Cloud::Hybrid(hybrid) => hybrid.tree.leaves as usize,
         }
     }
 
@@ -52,6 +75,7 @@ impl Cloud {
             Cloud::Flat(flat) => flat.bytes(),
             Cloud::Octree(octree) => octree.bytes(),
             Cloud::Sequential(tree) => tree.bytes(),
+            Cloud::Hybrid(hybrid) => hybrid.bytes(),
         }
     }
 
@@ -70,6 +94,7 @@ impl Cloud {
                 (ErrorRule::Cell, _) => Structure::SptR,
                 _ => Structure::Sequential,
             },
+            Cloud::Hybrid(_) => Structure::Hybrid,
         }
     }
 }
@@ -95,5 +120,11 @@ impl From<Arc<Octree>> for Cloud {
 impl From<Arc<Sequential>> for Cloud {
     fn from(tree: Arc<Sequential>) -> Cloud {
         Cloud::Sequential(tree)
+    }
+}
+
+impl From<Arc<Hybrid>> for Cloud {
+    fn from(hybrid: Arc<Hybrid>) -> Cloud {
+        Cloud::Hybrid(hybrid)
     }
 }

@@ -24,7 +24,7 @@ fn interior(cloud: &PointCloud, samples: usize, view: &View, truth: &Image) -> I
     attributes::complete(&mut sampled, &Options::default());
     let flat = Flat::new(&sampled);
     let scene = Scene {
-        instances: &[Instance { flat: &flat, transform: DMat4::IDENTITY }],
+        instances: &[Instance::points(&flat, DMat4::IDENTITY)],
         list: &DrawList::all([samples as u32]),
         view,
         width: SIDE,

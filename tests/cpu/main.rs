@@ -17,6 +17,9 @@ mod folder;
 mod golden;
 mod groups;
 mod groups_file;
+mod hybrid;
+#[path = "../common/hybrid.rs"]
+mod hybrid_common;
 #[path = "../common/golden.rs"]
 mod kept;
 mod load_bad;

@@ -76,7 +76,7 @@ impl Small {
     pub fn with<T>(&self, f: impl FnOnce(&Scene) -> T) -> T {
         let list = DrawList::all([self.flat.len() as u32]);
         f(&Scene {
-            instances: &[Instance { flat: &self.flat, transform: DMat4::IDENTITY }],
+            instances: &[Instance::points(&self.flat, DMat4::IDENTITY)],
             list: &list,
             view: &self.view,
             width: self.width,

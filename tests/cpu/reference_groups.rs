@@ -198,7 +198,7 @@ fn u_has_an_error_of_its_own() {
 fn a_cloud_without_groups_is_refused() {
     let (with, without) = (soup(1, 3).groups(vec![0, 1, 2], false), soup(1, 3));
     with.with(|scene| {
-        let instances = [scene.instances[0], Instance { flat: &without.flat, transform: DMat4::IDENTITY }];
+        let instances = [scene.instances[0], Instance::points(&without.flat, DMat4::IDENTITY)];
         render(&Scene { instances: &instances, list: &DrawList::all([3]), ..*scene }, 0.0)
     });
 }

@@ -218,11 +218,11 @@ pub fn every_scene(n: usize, seed: u64, f: impl Fn(&Scene, &str)) {
             dvec3(0.2, 0.1, -0.3),
         )
         * DMat4::from_translation(-target);
-    let instances =
-        [Instance { flat: &clouds[0], transform: DMat4::IDENTITY }, Instance { flat: &clouds[1], transform: turn }];
+    let instances = [Instance::points(&clouds[0], DMat4::IDENTITY), Instance::points(&clouds[1], turn)];
     let span = |instance, first, count| Span { instance, first, count, least: 0.0 };
     let (n, half) = (n as u32, n as u32 / 2);
-    let list = DrawList { spans: vec![span(1, half, n - half), span(0, 3, n - 3), span(1, 0, half), span(0, 0, 2)] };
+    let spans = vec![span(1, half, n - half), span(0, 3, n - 3), span(1, 0, half), span(0, 0, 2)];
+    let list = DrawList { spans, ..DrawList::default() };
     for (v, view) in views().iter().enumerate() {
         // Tiles of 32 px: two whole and two cut ones.
         let (width, height) = (45, 37);

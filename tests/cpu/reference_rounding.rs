@@ -49,7 +49,7 @@ fn picture(flat: &Flat, blend: Blend, style: &Style, margin: f64) -> Picture {
     let view = View::look_at(EYE, DVec3::ZERO, DVec3::Z, View::perspective(0.8, 1.0, 0.01), Default::default());
     let mut technique = technique("flat.two-pass.point");
     technique.blend = blend;
-    let (instances, list) = ([Instance { flat, transform: DMat4::IDENTITY }], DrawList::all([flat.len() as u32]));
+    let (instances, list) = ([Instance::points(flat, DMat4::IDENTITY)], DrawList::all([flat.len() as u32]));
     let (instances, list, view) = (&instances, &list, &view);
     let scene = Scene { instances, list, view, width: SIZE, height: SIZE, technique, style, host_depth: None };
     render(&scene, margin)

@@ -11,7 +11,6 @@
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3, Vec3, dvec3};
-use surfel::Instance;
 use surfel::load::{PointCloud, synthetic};
 use surfel::readback::Picture;
 use surfel::reference::{self, MARGIN_F32};
@@ -21,6 +20,7 @@ use surfel::structure::groups::{Groups, Relax};
 use surfel::structure::{Cloud, Flat};
 use surfel::style::{BackFaces, Ellipse, EyeDome, Footprint, Shading, Style, Tolerance};
 use surfel::technique::{Blend, PRESETS, Technique};
+use surfel::{FrameStats, Instance};
 
 use crate::vulkan;
 
@@ -129,7 +129,7 @@ impl<'a> Case<'a> {
     }
 }
 
-pub fn check(off: &mut Offscreen, case: &Case) {
+pub fn check(off: &mut Offscreen, case: &Case) -> FrameStats {
     let name = &case.name;
     let instances: Vec<Instance> = case.instances.iter().map(|(_, i)| *i).collect();
     let shot =
@@ -139,7 +139,7 @@ pub fn check(off: &mut Offscreen, case: &Case) {
     vulkan::hash(name, &picture);
 
     let scene: Vec<reference::Instance> =
-        case.instances.iter().map(|(c, i)| reference::Instance { flat: c.flat(), transform: i.transform }).collect();
+        case.instances.iter().map(|(c, i)| reference::Instance::of(c, i.transform)).collect();
     let placed: Vec<_> = case.instances.iter().map(|(cloud, i)| (cloud, i.transform)).collect();
     let list = cut::drawn(&placed, case.view, case.size, case.style);
     let expected = reference::render(
@@ -209,6 +209,7 @@ pub fn check(off: &mut Offscreen, case: &Case) {
     // A sphere seen from inside has only faces that look away.
     let all_away = case.style.back_faces == BackFaces::Cull && counts.drawn == 0;
     assert!(covered > expected.rgba.len() / 14 || all_away, "{name}: only {covered} pixels show anything");
+    stats
 }
 
 fn add(off: &mut Offscreen, cloud: &PointCloud) -> (Cloud, Instance) {

@@ -37,7 +37,7 @@ fn geometry_cuts_through_splats() {
                 let host: Vec<f32> = (0..w * h).map(|i| under(i % w, i / w).1).collect();
                 let (flat, style) = (sphere(1500), Style::default());
                 show(engine, kind, &[view], *technique, |target, cloud| {
-                    let instances = scene(cloud).map(|i| reference::Instance { flat: &flat, transform: i.transform });
+                    let instances = scene(cloud).map(|i| reference::Instance::points(&flat, i.transform));
                     let expected = reference::render(
                         &reference::Scene {
                             instances: &instances,

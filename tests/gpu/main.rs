@@ -19,6 +19,9 @@ mod host_scene;
 mod host_table;
 mod host_target;
 mod host_targets;
+mod hybrid;
+#[path = "../common/hybrid.rs"]
+mod hybrid_common;
 #[path = "../common/golden.rs"]
 mod kept;
 mod levels;

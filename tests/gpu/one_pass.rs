@@ -64,7 +64,7 @@ fn draw(
 fn check(name: &str, picture: &Picture, flat: &Flat, technique: Technique, style: &Style) {
     let expected = reference::render(
         &reference::Scene {
-            instances: &[reference::Instance { flat, transform: DMat4::IDENTITY }],
+            instances: &[reference::Instance::points(flat, DMat4::IDENTITY)],
             list: &DrawList::all([flat.len() as u32]),
             view: &view(),
             width: SIZE[0],

@@ -8,7 +8,7 @@
 float decisive(float z, float epsilon, float u2) {
     float u = min(sqrt(u2), 1.0);
     if (VORONOI == VORONOI_CONES) {
-        return internal_depth(z + min(epsilon, abs(v_centre.w)) * u);
+        return internal_depth(z + min(epsilon, fragment_radius()) * u);
     }
     if (VORONOI == VORONOI_SLABS) {
         float slab = clamp(floor((z - params.slab_near) / params.slab_thickness), 0.0, params.slab_count - 1.0);

@@ -12,6 +12,7 @@ mod report;
 mod summary;
 mod sweep;
 mod truth;
+mod viewpoints;
 
 use std::path::Path;
 
@@ -55,7 +56,11 @@ fn sweep(args: &SweepArgs) -> Result<Outcome> {
     )?;
     text("results.csv", record::csv(records))?;
     text("report.html", report::html(&sweep, args, out, &compared)?)?;
-    let table = if args.quiet { String::new() } else { summary::table(records, ceilings) + &compared };
+    let table = if args.quiet {
+        String::new()
+    } else {
+        summary::table(records, ceilings) + &viewpoints::table(records) + &compared
+    };
     super::print(&format!("{}\n{table}", out.join("report.html").display()))?;
     failed(&sweep)
 }

@@ -122,7 +122,10 @@ pub fn plan(args: &SweepArgs, input: &str, state: &str) -> Vec<Combination> {
                 {
                     let structure = args.structures[structure];
                     let flat = structure == Structure::Flat;
-                    let tested = matches!(structure, Structure::Sequential | Structure::OneSpt | Structure::SptR);
+                    let tested = matches!(
+                        structure,
+                        Structure::Sequential | Structure::Hybrid | Structure::OneSpt | Structure::SptR
+                    );
                     add(Combination {
                         input: input.to_owned(),
                         input_state: state.to_owned(),

@@ -9,7 +9,7 @@ use glam::DMat4;
 use serde_json::{Value, json};
 
 use surfel::ash::vk;
-use surfel::load;
+use surfel::load::{self, Mesh, PointCloud};
 use surfel::measure::{self, Image};
 use surfel::select::View;
 use surfel::standalone::{DeviceInfo, Offscreen, Options, Shot, Standalone, stress};
@@ -88,7 +88,7 @@ pub fn run(args: &SweepArgs, out: &Path, progress: &Progress) -> Result<Sweep> {
     let journal = Journal::open(out, &common)?;
     // Of the smallest size: every view asks for its own.
     let off = Offscreen::new(standalone, vk::Extent2D { width: 1, height: 1 }, true)?;
-    let mut bench = Bench { args, out, progress, journal, off, leveled: Vec::new() };
+    let mut bench = Bench { args, out, progress, journal, off, leveled: Vec::new(), meshes: Vec::new() };
     bench.off.renderer.upload_budget = 256 << 20;
     let done: Result<_> = (|| {
         let inputs = args.inputs.iter().map(|input| bench.input(input)).collect::<Result<Vec<_>>>()?;
@@ -162,6 +162,8 @@ struct Bench<'a> {
     journal: Journal,
     off: Offscreen,
     leveled: Vec<Leveled>,
+    /// Faces of the clouds that are being measured, where they are drawn as they were read.
+    meshes: Vec<Option<Mesh>>,
 }
 
 impl Bench<'_> {
@@ -192,6 +194,8 @@ impl Bench<'_> {
             if plan.iter().all(|c| c.samples != samples || self.finished(c).is_some()) {
                 continue;
             }
+            let as_read = |cloud: &PointCloud| cloud.mesh.clone().filter(|_| samples.is_none());
+            self.meshes = subject.scene.clouds.iter().map(as_read).collect();
             let flats = match samples {
                 None => original.clone(),
                 Some(n) => self.sampled(&subject.scene, n)?,
@@ -269,11 +273,12 @@ impl Bench<'_> {
             return Ok(kept.clouds.clone());
         }
         let relax = form.factor.map(|factor| Relax { factor, ..Relax::default() });
-        let build = |flat: &Arc<Flat>| {
-            let built = structure::level(flat, form.structure, &self.args.levels, relax.as_ref(), self.progress);
+        let build = |(flat, mesh): (&Arc<Flat>, &Option<Mesh>)| {
+            let of = (&**flat, mesh.as_ref());
+            let built = structure::level(of, form.structure, &self.args.levels, relax.as_ref(), self.progress);
             built.map(|(cloud, _)| cloud)
         };
-        let clouds: Vec<Cloud> = plain.iter().map(build).collect::<Result<_>>()?;
+        let clouds: Vec<Cloud> = plain.iter().zip(&self.meshes).map(build).collect::<Result<_>>()?;
         // Those of another input, or sampled otherwise, are not drawn again.
         self.leveled.retain(|kept| kept.of.iter().zip(plain).all(|(a, b)| Arc::ptr_eq(a, b)));
         self.leveled.push(Leveled { form, of: plain.clone(), clouds: clouds.clone() });

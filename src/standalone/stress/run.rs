@@ -84,7 +84,7 @@ pub fn reference(case: &Case) -> Result<reference::Picture> {
     let sight = Sight::new(&take.view, case.size, &take.transform, flat.origin, &take.style);
     cut::cut(&Cloud::Flat(Arc::clone(&flat)), &sight, &take.style, false, 0, &mut list);
     let scene = reference::Scene {
-        instances: &[reference::Instance { flat: &flat, transform: take.transform }],
+        instances: &[reference::Instance::points(&flat, take.transform)],
         list: &list,
         view: &take.view,
         width,

@@ -41,7 +41,7 @@ impl List {
         let f = |i: usize| f32::from_bits(words[i]);
         let v = |i: usize| Vec3::new(f(i), f(i + 1), f(i + 2));
         let cone = (words[9] != 0).then(|| Cone { axis: v(10), cosine: f(9) });
-        List { first: words[0], count: words[1], min: v(2), max: v(5), reach: f(8), cone }
+        List { first: words[0], count: words[1], min: v(2), max: v(5), reach: f(8), error: 0.0, cone }
     }
 }
 
@@ -138,7 +138,8 @@ impl Sequential {
         if end != entries || flags >> BLOCKS == 0 && lists.len() > CLUSTERS + 2 {
             return Err(bad(28, "lists are not those of the entries"));
         }
-        let finest = super::finest(&geometry, &links);
+        let leaves_of = geometry.iter().zip(&links).filter(|(_, link)| link[0] == NONE).map(|(g, _)| g);
+        let finest = super::finest(leaves_of);
         let mut tree = Sequential {
             flat: Flat {
                 origin: DVec3::from_array([0, 1, 2].map(|i| f64::from_bits(number(i)))),
@@ -165,7 +166,7 @@ impl Sequential {
             cloud: number(3),
             steps: Vec::new(),
         };
-        tree.steps = tree.steps();
+        tree.index();
         Ok(tree)
     }
 

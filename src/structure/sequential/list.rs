@@ -29,6 +29,8 @@ pub struct List {
     pub max: Vec3,
     /// Largest radius \[cloud units\].
     pub reach: f32,
+    /// Least error of an entry \[cloud units\]: none passes nearer than where that does. 0 for lists with points that always pass.
+    pub error: f32,
     /// What holds all normals; `None` where one is missing or it would be wider than half a turn.
     pub cone: Option<Cone>,
 }
@@ -85,6 +87,9 @@ impl Sequential {
             if sight.misses(list.min, list.max, list.reach) || cull_back && list.faces_away(sight) {
                 continue;
             }
+            if list.error as f64 > sight.tau * sight.farthest(list.min, list.max) {
+                continue;
+            }
             // `max` takes 0 for what is not a number: everything.
             let least = if all { 0.0 } else { (sight.tau * sight.distance(list.min, list.max)).max(0.0) };
             // From the head in doubling steps, since from afar prefixes are short: other lines of the cache are not touched.
@@ -100,10 +105,18 @@ impl Sequential {
         }
     }
 
-    /// Keys of every [`STEP`]th entry of every list, which the search for a prefix is confined to.
-    pub(super) fn steps(&self) -> Vec<f32> {
-        let of = |list: &List| (list.first..list.first + list.count).step_by(STEP);
-        self.lists.iter().flat_map(of).map(|entry| self.key(entry as usize)).collect()
+    /// Fills in what a view is selected by: keys of every [`STEP`]th entry of every list, which the search for a prefix is
+    /// confined to, and the lists' least errors.
+    pub(super) fn index(&mut self) {
+        let of = |list: &List| list.first..list.first + list.count;
+        let keyed = self.lists.iter().flat_map(|list| of(list).step_by(STEP));
+        self.steps = keyed.map(|entry| self.key(entry as usize)).collect();
+        let Nodes { links, nodes, .. } = &self.nodes;
+        // What depends on the direction may pass nearer.
+        let own = |i: u32| nodes.get(links[i as usize][0] as usize).filter(|n| n.tangential == 0.0);
+        for list in &mut self.lists {
+            list.error = of(list).map(|i| own(i).map_or(0.0, |n| n.error)).fold(f32::INFINITY, f32::min);
+        }
     }
 }
 

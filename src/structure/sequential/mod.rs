@@ -39,6 +39,7 @@ mod file;
 mod list;
 mod node;
 mod tree;
+mod trim;
 
 use glam::Vec3;
 
@@ -120,6 +121,15 @@ impl Sequential {
     /// # Panics
     /// Where `tau_max` or `blocks` is out of its range, or lists are asked for by normal and by place.
     pub fn build(flat: &Flat, options: &Options) -> Sequential {
+        Self::with(flat, options, None)
+    }
+
+    /// The tree of a cloud whose points have errors of their own, without what is never drawn then: see [`trim`].
+    pub(super) fn under(flat: &Flat, options: &Options, errors: &[f32]) -> Sequential {
+        Self::with(flat, options, Some(errors))
+    }
+
+    fn with(flat: &Flat, options: &Options, errors: Option<&[f32]>) -> Sequential {
         assert!(options.tau_max > 0.0 && options.tau_max <= 0.5, "tau_max {}: 0 to 1/2", options.tau_max);
         assert!(options.blocks < 1 << 24 && !(options.blocks > 0 && options.clusters), "lists: {options:?}");
         assert!(flat.len() < 1 << 31, "{} points: too many for a tree", flat.len());
@@ -130,6 +140,10 @@ impl Sequential {
         let (leaves, odd): (Vec<u32>, Vec<u32>) =
             (0..flat.len() as u32).partition(|&i| usable(&flat.geometry[i as usize]));
         let tree = Tree::new(flat, leaves, options);
+        let tree = match errors {
+            Some(errors) => tree.trim(flat, options, errors),
+            None => tree,
+        };
         Entries { flat, options, tree, odd }.list()
     }
 
@@ -181,6 +195,20 @@ impl Entries<'_> {
                 let [x, y, z] = inner.node.position;
                 [x, y, z, inner.radius]
             }
+        }
+    }
+
+    /// What its own test is made of, where it has an error.
+    fn node(&self, id: u32) -> Option<Node> {
+        match self.entry(id) {
+            Entry::Inner(i) => Some(self.tree.inner[i].node),
+            Entry::Leaf(i) => self.tree.own.get(i).filter(|error| **error > 0.0).map(|&error| Node {
+                position: self.flat.position(self.tree.leaves[i]).to_array(),
+                error,
+                normal: [0.0; 3],
+                tangential: 0.0,
+            }),
+            Entry::Odd(_) => None,
         }
     }
 
@@ -292,24 +320,25 @@ impl Entries<'_> {
         }
 
         // Inner nodes are numbered anew, as the list has them.
-        let mut places = vec![NONE; inner];
+        let leaves = self.tree.leaves.len();
+        let mut places = vec![NONE; leaves + inner];
         let mut nodes = Vec::with_capacity(inner);
         for &id in &order {
-            if let Entry::Inner(i) = self.entry(id) {
-                places[i] = nodes.len() as u32;
-                nodes.push(self.tree.inner[i].node);
+            if let Some(node) = self.node(id) {
+                places[id as usize] = nodes.len() as u32;
+                nodes.push(node);
             }
         }
-        let place = |i: u32| if i == NONE { NONE } else { places[i as usize] };
         let links = self.each(&order, |id| {
-            let own = if let Entry::Inner(i) = self.entry(id) { places[i] } else { NONE };
-            [own, place(self.parent(id))]
+            let parent = self.parent(id);
+            let place = if parent == NONE { NONE } else { places[leaves + parent as usize] };
+            [places.get(id as usize).copied().unwrap_or(NONE), place]
         });
         let geometry = self.each(&order, |id| self.geometry(id));
         let stream = |points: &Option<Vec<u32>>, f: fn(&node::Inner) -> u32| {
             points.as_ref().map(|points| self.each(&order, |id| self.word(id, points, f)))
         };
-        let finest = finest(&geometry, &links);
+        let finest = finest(&self.flat.geometry);
         let flat = Flat {
             origin: self.flat.origin,
             blocks: blocks(&geometry),
@@ -331,15 +360,14 @@ impl Entries<'_> {
             lists,
             steps: Vec::new(),
         };
-        tree.steps = tree.steps();
+        tree.index();
         tree
     }
 }
 
-/// Largest radius of the leaves.
-fn finest(geometry: &[[f32; 4]], links: &[[u32; 2]]) -> f32 {
-    let leaves = geometry.iter().zip(links).filter(|(_, link)| link[0] == NONE);
-    leaves.map(|(g, _)| g[3]).filter(|r| r.is_finite()).fold(0.0, f32::max)
+/// Largest radius of the points.
+fn finest<'a>(points: impl IntoIterator<Item = &'a [f32; 4]>) -> f32 {
+    points.into_iter().map(|g| g[3]).filter(|r| r.is_finite()).fold(0.0, f32::max)
 }
 
 /// What is known of each run of entries; the first `odd` have no place in any box.
@@ -357,6 +385,7 @@ fn lists(flat: &Flat, links: &[[u32; 2]], nodes: &[Node], ends: &[usize], odd: u
             min: Vec3::NEG_INFINITY,
             max: Vec3::INFINITY,
             reach: 0.0,
+            error: 0.0,
             cone: None,
         };
         if run.start >= odd {

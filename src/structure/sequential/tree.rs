@@ -22,6 +22,8 @@ pub struct Tree {
     pub parents: Vec<u32>,
     /// Children before their parents, so the root is last.
     pub inner: Vec<Inner>,
+    /// Of each leaf, the error that it has itself; empty where none has.
+    pub own: Vec<f32>,
 }
 
 /// A place on the curve and the point there.
@@ -73,7 +75,7 @@ impl Tree {
 
         leaves.clear();
         leaves.extend(sorted.iter().map(|&(_, i)| i));
-        let mut tree = Tree { leaves, parents: whole.parents, inner: whole.inner };
+        let mut tree = Tree { leaves, parents: whole.parents, inner: whole.inner, own: Vec::new() };
         // Parents come after their children.
         for i in (0..tree.inner.len()).rev() {
             let parent = tree.inner[i].parent;

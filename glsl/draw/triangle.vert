@@ -1,0 +1,7 @@
+#version 460
+// A face's corner into the only layer.
+#include "triangle.glsl"
+
+void main() {
+    triangle();
+}
