@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::nodes::ErrorRule;
 use super::octree::Preset;
-use super::{Flat, Nodes, Octree, Sequential};
+use super::{Flat, Nodes, Octree, Packing, Sequential};
 use crate::technique::Structure;
 
 /// What a renderer takes in. Cheap to copy.
@@ -52,6 +52,19 @@ impl Cloud {
             Cloud::Flat(flat) => flat.bytes(),
             Cloud::Octree(octree) => octree.bytes(),
             Cloud::Sequential(tree) => tree.bytes(),
+        }
+    }
+
+    /// The same cloud in fewer bytes, or more. Takes as much memory again for a while; an [`Arc`] that is held elsewhere is
+    /// copied.
+    pub fn packed(self, packing: Packing) -> Cloud {
+        if packing == self.flat().packing() {
+            return self;
+        }
+        match self {
+            Cloud::Flat(flat) => Cloud::Flat(Arc::new(Arc::unwrap_or_clone(flat).packed(packing))),
+            Cloud::Octree(octree) => Cloud::Octree(Arc::new(Arc::unwrap_or_clone(octree).packed(packing))),
+            Cloud::Sequential(tree) => Cloud::Sequential(Arc::new(Arc::unwrap_or_clone(tree).packed(packing))),
         }
     }
 

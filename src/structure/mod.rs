@@ -11,6 +11,7 @@ mod morton;
 pub mod nodes;
 pub mod octahedral;
 pub mod octree;
+pub mod packing;
 pub mod sequential;
 
 pub use arrange::Arrangement;
@@ -20,4 +21,5 @@ pub use groups::Groups;
 pub use layered::Index;
 pub use nodes::{Node, Nodes};
 pub use octree::Octree;
+pub use packing::Packing;
 pub use sequential::Sequential;

@@ -23,6 +23,7 @@ mod host_targets;
 mod kept;
 mod levels;
 mod one_pass;
+mod packing;
 mod raw;
 mod scene_files;
 mod seeded;
