@@ -14,6 +14,10 @@ fn made(preset: Preset) -> (Flat, Options, Octree) {
     flat.origin.x = 7.5;
     flat.geometry[5][0] = f32::NAN;
     let octree = Octree::build(&flat, &options);
+    assert!(
+        octree.cells.iter().all(|c| c.min.is_finite() && c.max.is_finite()),
+        "the point that is no number is in none"
+    );
     (flat, options, octree)
 }
 
