@@ -164,10 +164,18 @@ pub fn pack(flat: Flat, packing: Packing, progress: &Progress) -> Flat {
     flat.packed(packing)
 }
 
-/// How a cloud is packed, and what its radii lost.
+/// How a cloud is packed, and what its radii and positions lost.
 fn packing(flat: &Flat) -> String {
     let factor = flat.packed.as_ref().map_or(1.0, |packed| packed.radii().factor());
-    format!("{}, radii at most {factor:.4} times as large", flat.packing())
+    let mut said = format!("{}, radii at most {factor:.4} times as large", flat.packing());
+    // An eighth of the spacing: what is off by less is not seen.
+    let off = |i: &u32| flat.point(*i)[3] > 0.0 && flat.position_error(*i) > 0.125 * flat.point(*i)[3];
+    let few = (0..flat.len() as u32).filter(off).count() as u64;
+    if few > 0 {
+        let all = grouped(flat.len() as u64);
+        said += &format!(", {} of {all} positions off by perhaps more than an eighth of a radius", grouped(few));
+    }
+    said
 }
 
 fn per_point(bytes: u64, points: usize) -> f64 {

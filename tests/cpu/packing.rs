@@ -54,6 +54,9 @@ fn check(name: &str, flat: &Flat, packing: Packing) -> Flat {
             let off = if s > 0.0 { (was as f64 - is as f64).abs() } else { 0.0 };
             assert!(off <= position_bound(&packed, i, axis), "{name}, {i}: {was} {is}");
         }
+        let apart = (flat.position(i as u32) - packed.position(i as u32)).length();
+        let rounding = packed.position(i as u32).length() * f32::EPSILON;
+        assert!(s == 0.0 || apart <= packed.position_error(i as u32) + rounding, "{name}, {i}: {apart}");
         assert!(s >= r && s as f64 <= r as f64 * factor, "{name}, {i}: radius {r} is {s}, factor {factor}");
         let [n, m] = [flat, &packed].map(|f| octahedral::decode(f.normal(i as u32)));
         assert_eq!(n.is_some(), m.is_some(), "{name}, {i}");

@@ -53,6 +53,13 @@ impl Frame {
         f32::from_bits((self.steps >> (10 * axis) & STEPS) << STEP_SHIFT)
     }
 
+    /// Farthest that a position within the box is from the nearest that can be said.
+    pub fn half_diagonal(&self) -> f32 {
+        // In f64, since squares of steps may leave the range of single floats.
+        let square = |axis| (self.step(axis) as f64).powi(2);
+        (0.5 * (square(0) + square(1) + square(2)).sqrt() * (1.0 + f32::EPSILON as f64)) as f32
+    }
+
     /// 30 bits of a position within the box.
     pub fn encode(&self, position: Vec3) -> u32 {
         let field = |axis: usize| {

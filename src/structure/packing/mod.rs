@@ -164,6 +164,15 @@ impl Flat {
         self.packed.as_ref().map_or(Packing::Full, Packed::packing)
     }
 
+    /// How far the position of a point may be from what it was before it was packed \[cloud units\]: half a diagonal of its run's
+    /// steps, beside the rounding of single floats; 0 but for quantised clouds.
+    pub fn position_error(&self, i: u32) -> f32 {
+        match &self.packed {
+            Some(Packed::Quantised(points)) => points.frames()[i as usize / RUN].half_diagonal(),
+            Some(Packed::Exact(_)) | None => 0.0,
+        }
+    }
+
     /// What the device takes for a range of points, which begins at a multiple of [`RUN`].
     pub fn streams(&self, range: Range<usize>) -> Streams<'_> {
         match &self.packed {
