@@ -4,7 +4,7 @@
 //! |---|---|---|---|---|---|
 //! | full | 16, 4 more for each of normals and colours | exact | exact | 6.5·10⁻⁵ rad | exact |
 //! | exact | 16, 2 more with normals | exact | [`Radii`] | 0.017 rad | exact |
-//! | quantised | 8 with normals or colours, 9 with both; 1/16 for its [`Frame`] | half a step of the frame | [`Radii`] | 0.017 rad | exact; with normals 6 bits a channel |
+//! | quantised | 8, with both normals and colours 9; 1/16 for its [`Frame`] | half a step of the frame | [`Radii`] | 0.017 rad | exact; with normals 6 bits a channel |
 //!
 //! A packed cloud is what its decoded values say: reference, selection and bounds take the very floats that the device decodes.
 //! Decoding is by integers, products without rounding and one rounded sum, so a fused product does no harm. Twin:
