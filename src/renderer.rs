@@ -34,6 +34,7 @@ use crate::select::{DrawList, Sight, Slabs, cut};
 use crate::stats::{FrameStats, OrderedAccess, PassTime, Skip};
 use crate::structure::Cloud;
 use crate::structure::flat::Block;
+use crate::structure::packing::Packed;
 use crate::style::Voronoi;
 use crate::technique::{Blend, Selection};
 
@@ -262,6 +263,9 @@ impl Renderer {
                 );
                 let test = sight.test();
                 (block.test_eye, block.tau) = (test.eye, test.tau);
+                if let Some(radii) = flat.packed.as_ref().map(Packed::radii) {
+                    (block.radius_most, block.radius_step) = (radii.most, radii.step);
+                }
 
                 let (matrix, _) = camera.eye_from_cloud(&instance.transform, flat.origin);
                 let radius_scale = input.style.radius_scale as f64 * scale(&instance.transform);
@@ -701,7 +705,7 @@ impl Renderer {
                 }
             }
             let steps = if draw.main.listed { &[Step::Mark, Step::Scan, Step::List][..] } else { &[] };
-            let computed = steps.iter().map(|step| Variant::compute(draw.test, *step));
+            let computed = steps.iter().map(|step| Variant::compute(draw.test, draw.main.packing, *step));
             for variant in computed.chain(input.count.then(|| draw.main.count(draw.test))) {
                 built += self.pipelines.ensure(&self.context, &self.splats, variant)? as u32;
             }

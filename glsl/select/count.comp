@@ -4,8 +4,6 @@
 
 layout(local_size_x = 64) in;
 
-layout(set = 1, binding = 0, std430) readonly buffer Geometry { vec4 geometry[]; };
-layout(set = 1, binding = 1, std430) readonly buffer Normals { uint normals[]; };
 layout(set = 2, binding = 0, std430) buffer Counts {
     uint drawn;
     uint too_large;     // drawn too, by the other pipeline
@@ -27,7 +25,7 @@ void main() {
     uint stride = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
     for (uint at = gl_GlobalInvocationID.x; at < run.count; at += stride) {
         uint i = run.first + at;
-        Splat s = project(i, geometry[i], HAS_NORMAL ? normals[i] : NO_NORMAL);
+        Splat s = project(i, pulled(i));
         atomicAdd(local[s.status], 1u);
     }
     barrier();

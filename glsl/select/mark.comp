@@ -1,12 +1,12 @@
 #version 460
 // Marks which points of each tile are in the cut, and counts them.
 #include "params.glsl"
+#include "packing.glsl"
 #include "interval.glsl"
 #include "list.glsl"
 
 layout(local_size_x = 64) in;
 
-layout(set = 1, binding = 0, std430) readonly buffer Geometry { vec4 geometry[]; };
 layout(set = 2, binding = 3, std430) writeonly buffer Marks { uint marks[]; };
 layout(set = 2, binding = 4, std430) writeonly buffer Places { uint places[]; };
 
@@ -26,7 +26,7 @@ void main() {
     barrier();
     for (uint at = lane; at < tile.y; at += LANES) {
         uint i = tile.x + at;
-        if (in_interval(i, geometry[i].xyz)) {
+        if (in_interval(i, pulled_place(i))) {
             atomicOr(words[at >> 5], 1u << (at & 31u));
         }
     }

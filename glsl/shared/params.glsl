@@ -28,6 +28,8 @@ layout(set = 0, binding = 0, std140) uniform DrawParams {
     float slab_count;
     vec4 test_eye;          // the eye relative to the cloud's origin and 1, or the direction towards the viewer and 0
     float tau;              // what the interval test compares errors with, per unit of distance
+    uint radius_most;       // codes of radii: see packing.glsl
+    uint radius_step;
 } params;
 
 // What a run of points has of its own. Twin: src/gpu/layout.rs.
@@ -53,6 +55,11 @@ const int INTERVAL_OFF = 0;         // every point
 const int INTERVAL_EXACT = 1;       // passes, and its parent at its own place does not
 const int INTERVAL_PUBLISHED = 2;   // passes, and its parent would not at the point's distance and some more
 
+const int PACKING_FULL = 0;
+const int PACKING_EXACT = 1;
+const int PACKING_QUANTISED = 2;
+const int PACKING_ASIDE = 3;        // quantised, with normals and colours: radii in a stream of their own
+
 // Set in src/draw/variant.rs.
 layout(constant_id = 0) const int FOOTPRINT = FOOTPRINT_SPLAT;
 layout(constant_id = 1) const bool APPROXIMATE = false; // affine image of the disk (Coconu and Hege 2002, eqs 4 and 5)
@@ -68,6 +75,7 @@ layout(constant_id = 9) const bool FRONT_FIRST = false; // the front is the frag
 layout(constant_id = 11) const int INTERVAL = INTERVAL_OFF;
 layout(constant_id = 12) const int RULE = 0;            // what errors are: see interval.glsl
 layout(constant_id = 13) const bool LISTED = false;     // quads: points are numbered by a list
+layout(constant_id = 14) const int PACKING = PACKING_FULL;
 
 bool is_perspective() { return params.depth_map.z != 0.0; }
 

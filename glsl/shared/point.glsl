@@ -2,13 +2,16 @@
 #include "splat.glsl"
 #include "emit.glsl"
 
+// As packing.glsl has them.
 layout(location = 0) in vec4 in_geometry;
 layout(location = 1) in uint in_normal;
 layout(location = 2) in uint in_color;
 
 void point() {
-    Splat s = project(uint(gl_VertexIndex), in_geometry, in_normal);
-    emit_attributes(s, in_color);
+    uint i = uint(gl_VertexIndex);
+    Point p = streamed(i, in_geometry, in_normal, in_color);
+    Splat s = project(i, p);
+    emit_attributes(s, p.color);
     gl_Position = NOWHERE;
     gl_PointSize = 1.0;
     if (is_drawn(s)) {

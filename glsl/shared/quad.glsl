@@ -2,10 +2,6 @@
 #include "splat.glsl"
 #include "emit.glsl"
 
-layout(set = 1, binding = 0, std430) readonly buffer Geometry { vec4 geometry[]; };
-layout(set = 1, binding = 1, std430) readonly buffer Normals { uint normals[]; };
-layout(set = 1, binding = 2, std430) readonly buffer Colors { uint colors[]; };
-
 layout(set = 2, binding = 5, std430) readonly buffer List { uint list[]; };
 
 // The splat of this vertex.
@@ -16,8 +12,9 @@ uint splat_index() {
 
 void quad() {
     uint i = splat_index();
-    Splat s = project(i, geometry[i], HAS_NORMAL ? normals[i] : NO_NORMAL);
-    emit_attributes(s, HAS_COLOR ? colors[i] : 0u);
+    Point p = pulled(i);
+    Splat s = project(i, p);
+    emit_attributes(s, p.color);
     gl_Position = NOWHERE;
     if (is_drawn(s)) {
         // Of six vertices 0 1 2, 2 1 3: two bits each.

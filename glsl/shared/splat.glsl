@@ -9,7 +9,7 @@
 //     (a, b) = (a0, b0) / (1 − (a0, b0) · h),   h = r (w1, w2) / w.
 // No determinant of a conic is ever formed or divided by.
 #include "params.glsl"
-#include "octahedral.glsl"
+#include "packing.glsl"
 #include "pixel.glsl"
 #include "interval.glsl"
 #include "tolerance.glsl"
@@ -80,7 +80,8 @@ vec4 clipped_box(vec3 c, vec3 e1, vec3 e2) {
 }
 
 // `i` is the point's number in its chunk.
-Splat project(uint i, vec4 geometry, uint normal_code) {
+Splat project(uint i, Point point) {
+    vec4 geometry = point.geometry;
     Splat s;
     s.status = INVALID;
     // Squares of radii must not leave the range of floats: smaller and larger disks are points and planes.
@@ -108,8 +109,8 @@ Splat project(uint i, vec4 geometry, uint normal_code) {
     bool perspective = is_perspective();
     vec3 v = normalize(perspective ? s.centre - params.eye.xyz : -params.eye.xyz);
     s.normal = -v;
-    if (HAS_NORMAL && normal_code != NO_NORMAL) {
-        s.normal = normalize(vec4(octahedral(normal_code), 0.0) * params.eye_from_cloud);
+    if (HAS_NORMAL && point.normal != NO_NORMAL) {
+        s.normal = normalize(vec4(octahedral(point.normal), 0.0) * params.eye_from_cloud);
         if (dot(s.normal, v) > 0.0) {
             if (CULL_BACK) {
                 s.status = BACK_FACE;

@@ -10,9 +10,9 @@ use super::bench::args::BenchArgs;
 use super::camera::Named;
 use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
-use surfel::structure::Arrangement;
 use surfel::structure::groups::Relax;
 use surfel::structure::nodes::ErrorRule;
+use surfel::structure::{Arrangement, Packing};
 use surfel::style::{Ellipse, Front, Interval, SumPrecision, Voronoi};
 use surfel::technique::{Blend, Primitive, Selection, Structure};
 
@@ -183,16 +183,20 @@ pub struct StructureArgs {
     pub groups: Option<PathBuf>,
 }
 
-/// How structures with levels of detail are built.
+/// How many bytes points have, and how structures with levels of detail are built.
 #[derive(Debug, Args)]
 pub struct LevelArgs {
+    /// Bytes a point: as it is, with exact positions and colours but smaller codes for the rest (16 B, with normals 18 B), or with
+    /// positions in steps of the box of 256 points as well (8 B, with normals and colours 9 B).
+    #[arg(long, value_name = "full|exact|quantised", default_value = "full", value_parser = axis(Packing::ALL))]
+    pub packing: Packing,
     /// For sequential: which error of a node is held against the threshold.
     #[arg(long, value_name = "geometric|split|diameter", default_value = "geometric", value_parser = axis(&ErrorRule::ALL[..3]))]
     pub error: ErrorRule,
     /// For sequential: a list for each of 128 ranges of normals, so that those of a closed surface that face away are skipped.
     #[arg(long)]
     pub clusters: bool,
-    /// For sequential point trees: read from here if the file fits, else made and written here, so that it is made once.
+    /// For structures with levels of detail: read from here if the file fits, else made and written here, so that they are made once.
     #[arg(long, value_name = "FILE")]
     pub tree: Option<PathBuf>,
     /// For octrees, and for sequential without `--clusters`: most points a block.

@@ -9,7 +9,7 @@ use surfel::load::Mesh;
 use surfel::select::View;
 use surfel::structure::groups::Relax;
 use surfel::structure::nodes::{self, ErrorRule};
-use surfel::structure::{Arrangement, Cloud, Flat, Groups, Hybrid, Octree, Sequential, octree, sequential};
+use surfel::structure::{Arrangement, Cloud, Flat, Groups, Hybrid, Octree, Packing, Sequential, octree, sequential};
 use surfel::technique::{Blend, Structure, Technique};
 
 use super::args::{LevelArgs, StructureArgs};
@@ -27,12 +27,8 @@ pub fn check(args: &StructureArgs, technique: &Technique, inputs: usize) -> Resu
         .into());
     }
     if let Some(path) = &args.levels.tree {
-        if !matches!(technique.structure, Structure::Sequential | Structure::OneSpt | Structure::SptR) {
-            return Err(Usage(format!(
-                "--tree is for sequential point trees, not for --structure {}",
-                technique.structure
-            ))
-            .into());
+        if technique.structure == Structure::Flat {
+            return Err(Usage("--tree is for structures with levels of detail, not for --structure flat".into()).into());
         }
         if inputs != 1 {
             return Err(Usage("--tree is for one input: every cloud has a tree of its own".into()).into());
@@ -75,7 +71,11 @@ pub fn build(
         if grouped {
             said.push(group(&mut flat, args, progress)?);
         }
-        built.push(arrange(flat, args.storage, view, progress).into());
+        let cloud = pack(arrange(flat, args.storage, view, progress), args.levels.packing, progress);
+        if cloud.packing() != Packing::Full {
+            said.push(format!("packing: {}, {:.1} B a point", packing(&cloud), per_point(cloud.bytes(), cloud.len())));
+        }
+        built.push(cloud.into());
     }
     Ok((built, said))
 }
@@ -91,9 +91,23 @@ pub fn level(
     let step = progress.step(format!("structure {structure}"), 1);
     let octree = |preset| {
         let options = octree::Options { block: args.block, ..octree::Options::new(preset) };
-        let mut tree = Octree::build(flat, &options);
+        let tree = match args.tree.as_deref().filter(|path| path.exists()) {
+            Some(path) => {
+                let kept = Octree::load(path)?;
+                if !kept.is_of(flat, &options) {
+                    bail!("{}: holds the octree of another cloud, or one made with other options", path.display());
+                }
+                kept
+            }
+            None => {
+                let made = Octree::build(flat, &options);
+                args.tree.as_deref().map_or(Ok(()), |path| made.save(path))?;
+                made
+            }
+        };
+        let mut tree = tree.packed(args.packing);
         if let Some(relax) = relax {
-            let levels = &tree.levels;
+            let levels = tree.levels();
             tree.flat.groups = Some(Groups::color_where(&tree.flat, relax, |a, b| levels[a].abs_diff(levels[b]) <= 1)?);
         }
         anyhow::Ok((tree.bytes(), tree.moved, Cloud::from(Arc::new(tree))))
@@ -117,13 +131,13 @@ pub fn level(
         let Some(mesh) = mesh.filter(|mesh| !mesh.triangles.is_empty()) else {
             bail!("--structure hybrid: an input has no faces");
         };
-        let mut hybrid = Hybrid::build(flat, mesh, &options(args.error, blocks));
+        let mut hybrid = Hybrid::build(flat, mesh, &options(args.error, blocks)).packed(args.packing);
         grouped(&mut hybrid.tree)?;
         anyhow::Ok((hybrid.bytes(), 0.0, Cloud::from(Arc::new(hybrid))))
     };
     let tree = |rule, blocks| {
         let options = options(rule, blocks);
-        let mut tree = match args.tree.as_deref().filter(|path| path.exists()) {
+        let tree = match args.tree.as_deref().filter(|path| path.exists()) {
             Some(path) => {
                 let kept = Sequential::load(path)?;
                 if !kept.is_of(flat, &options) {
@@ -137,6 +151,7 @@ pub fn level(
                 made
             }
         };
+        let mut tree = tree.packed(args.packing);
         grouped(&mut tree)?;
         anyhow::Ok((tree.bytes(), 0.0, Cloud::from(Arc::new(tree))))
     };
@@ -152,12 +167,38 @@ pub fn level(
         other => bail!("--structure {other}: is not one of levels"),
     };
     drop(step);
-    let per_point = bytes as f64 / flat.len().max(1) as f64;
-    let mut said = format!("structure: {structure}, {per_point:.1} B a point");
+    let mut said = format!("structure: {structure}, {:.1} B a point", per_point(bytes, flat.len()));
+    if args.packing != Packing::Full {
+        said += &format!(", packing {}", packing(cloud.flat()));
+    }
     if moved > 0.0 {
         said += &format!(", points moved by at most {moved}");
     }
     Ok((cloud, said))
+}
+
+/// In fewer bytes a point.
+pub fn pack(flat: Flat, packing: Packing, progress: &Progress) -> Flat {
+    let _step = (packing != Packing::Full).then(|| progress.step(format!("packing {packing}"), 1));
+    flat.packed(packing)
+}
+
+/// How a cloud is packed, and what its radii and positions lost.
+fn packing(flat: &Flat) -> String {
+    let factor = flat.packed.as_ref().map_or(1.0, |packed| packed.radii().factor());
+    let mut said = format!("{}, radii at most {factor:.4} times as large", flat.packing());
+    // An eighth of the spacing: what is off by less is not seen.
+    let off = |i: &u32| flat.point(*i)[3] > 0.0 && flat.position_error(*i) > 0.125 * flat.point(*i)[3];
+    let few = (0..flat.len() as u32).filter(off).count() as u64;
+    if few > 0 {
+        let all = grouped(flat.len() as u64);
+        said += &format!(", {} of {all} positions off by perhaps more than an eighth of a radius", grouped(few));
+    }
+    said
+}
+
+fn per_point(bytes: u64, points: usize) -> f64 {
+    bytes as f64 / points.max(1) as f64
 }
 
 fn relax(args: &StructureArgs) -> Relax {

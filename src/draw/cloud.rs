@@ -27,12 +27,14 @@ pub struct Chunk {
     pub first: u32,
     /// Number of points.
     pub count: u32,
-    /// Centres and radii.
+    /// Centres and radii. What this and the next two hold of packed clouds: `glsl/shared/packing.glsl`.
     pub geometry: Buffer,
     /// Octahedral normals.
     pub normals: Option<Buffer>,
     /// sRGB colours.
     pub colors: Option<Buffer>,
+    /// Boxes of runs, for quantised clouds.
+    pub frames: Option<Buffer>,
     /// Groups, a byte a point.
     pub groups: Option<Buffer>,
     /// Links to nodes, for structures that are tested point by point.
@@ -73,7 +75,7 @@ impl DeviceCloud {
         let flat = cloud.flat();
         let triangles = cloud.triangles().map_or(0, |t| t.len().div_ceil(faces::CHUNK));
         let sets = (flat.len().div_ceil(CHUNK).max(1) + triangles) as u32;
-        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 6 * sets }];
+        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 7 * sets }];
         let pool = context.descriptor_pool("cloud.sets", sets, &sizes)?;
         let bounds = Block::around(&flat.blocks);
         Ok(DeviceCloud { cloud, bounds, chunks: Vec::new(), faces: Vec::new(), pool })
@@ -88,12 +90,13 @@ impl DeviceCloud {
     pub fn traits(&self) -> CloudTraits {
         let flat = self.flat();
         CloudTraits {
-            normals: flat.normals.is_some(),
-            colors: flat.colors.is_some(),
+            normals: flat.has_normals(),
+            colors: flat.has_colors(),
             closed: flat.closed,
             groups: flat.groups.as_ref().map(|g| (g.count, g.overlapping)),
             rule: self.cloud.nodes().map(|n| n.rule),
             triangles: self.cloud.triangles().is_some(),
+            packing: flat.packing(),
         }
     }
 
@@ -140,23 +143,31 @@ impl DeviceCloud {
             let text = format!("{bytes} bytes of nodes for {count} points: this device binds {most}");
             return Err(Error::Unsupported(text));
         }
-        let streams: [(_, Option<&[u8]>); 6] = [
-            ("geometry", Some(bytemuck::cast_slice(&flat.geometry[range.clone()]))),
-            ("normals", flat.normals.as_ref().map(|n| bytemuck::cast_slice(&n[range.clone()]))),
-            ("colors", flat.colors.as_ref().map(|c| bytemuck::cast_slice(&c[range.clone()]))),
+        let points = flat.streams(range.clone());
+        let streams: [(_, Option<&[u8]>); 7] = [
+            ("geometry", Some(points.geometry)),
+            ("normals", points.normals),
+            ("colors", points.colors),
             ("groups", flat.groups.as_ref().map(|g| &g.of[range.clone()])),
             ("links", nodes.as_ref().map(|n| bytemuck::cast_slice(&n.links))),
             ("nodes", nodes.as_ref().filter(|n| !n.places.is_empty()).map(|n| bytemuck::cast_slice(&n.places))),
+            ("frames", points.frames),
         ];
         let (made, upload, set) = fill(context, program, self.pool, streams)?;
-        let [Some(geometry), normals, colors, groups, links, nodes] = made else { unreachable!("geometry was made") };
+        let [Some(geometry), normals, colors, groups, links, nodes, frames] = made else {
+            unreachable!("geometry was made")
+        };
         let (first, count) = (first as u32, count as u32);
-        let chunk = Chunk { first, count, geometry, normals, colors, groups, links, nodes, set };
+        let chunk = Chunk { first, count, geometry, normals, colors, frames, groups, links, nodes, set };
         // What is not there is stood in for by the geometry, and not read.
         let stand_in = chunk.geometry.handle;
         let or = |b: &Option<Buffer>| b.as_ref().map_or(stand_in, |b| b.handle);
         let [geometry, normals, colors, groups] = chunk.streams();
-        write_set(context, set, [geometry, normals, colors, groups, or(&chunk.links), or(&chunk.nodes)]);
+        write_set(
+            context,
+            set,
+            [geometry, normals, colors, groups, or(&chunk.links), or(&chunk.nodes), or(&chunk.frames)],
+        );
         self.chunks.push(chunk);
         Ok(Some(upload))
     }
@@ -164,8 +175,9 @@ impl DeviceCloud {
     /// Gives everything up after `frame`.
     pub fn retire(self, queue: &mut RetireQueue, frame: u64) {
         let chunks = self.chunks.into_iter();
-        let buffers =
-            chunks.flat_map(|c| [Some(c.geometry), c.normals, c.colors, c.groups, c.links, c.nodes]).flatten();
+        let buffers = chunks
+            .flat_map(|c| [Some(c.geometry), c.normals, c.colors, c.frames, c.groups, c.links, c.nodes])
+            .flatten();
         let faces = self.faces.into_iter().flat_map(|f| f.buffers);
         buffers.chain(faces).for_each(|buffer| queue.push(frame, Retired::Buffer(buffer)));
         queue.push(frame, Retired::DescriptorPool(self.pool));
@@ -215,7 +227,7 @@ pub(super) fn fill<const N: usize>(
 }
 
 /// Points a chunk's set to its buffers, by binding.
-pub(super) fn write_set(context: &Context, set: vk::DescriptorSet, buffers: [vk::Buffer; 6]) {
+pub(super) fn write_set(context: &Context, set: vk::DescriptorSet, buffers: [vk::Buffer; 7]) {
     let infos = buffers.map(|buffer| [vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }]);
     let writes: Vec<_> = (0..)
         .zip(&infos)

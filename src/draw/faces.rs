@@ -84,7 +84,7 @@ impl Faces {
         };
         let buffers = [vertices, faces];
         // What these shaders do not read is stood in for.
-        let handles = [0, 1, 1, 1, 1, 1].map(|i: usize| buffers[i].handle);
+        let handles = [0, 1, 1, 1, 1, 1, 1].map(|i: usize| buffers[i].handle);
         super::cloud::write_set(context, set, handles);
         Ok((Faces { first: first as u32, count: count as u32, buffers, set }, upload))
     }

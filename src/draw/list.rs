@@ -10,6 +10,7 @@ use crate::gpu::layout::{Command, Range, RunPush};
 use crate::gpu::memory::Location;
 use crate::gpu::pass::{Recorder, Use};
 use crate::gpu::resource::Buffer;
+use crate::structure::Packing;
 use crate::structure::nodes::ErrorRule;
 use crate::style::Interval;
 
@@ -184,8 +185,9 @@ pub fn record(recorder: &mut Recorder, bindings: &Bindings, lists: &Lists, listi
     };
     let mut tiles = |context: &Context, cmd, step| {
         for job in &listing.jobs {
-            let chunk = &bindings.clouds[job.cloud].chunks[job.chunk];
-            let variant = Variant::compute(job.test, step);
+            let cloud = bindings.clouds[job.cloud];
+            let chunk = &cloud.chunks[job.chunk];
+            let variant = Variant::compute(job.test, cloud.flat().packing(), step);
             context.bind_pipeline(cmd, point, bindings.pipelines.get(&variant));
             context.bind_sets(cmd, point, layout, 0, &[bindings.params, chunk.set, bindings.select], &[job.params]);
             for first in job.tiles.clone().step_by(GROUPS as usize) {
@@ -203,7 +205,7 @@ pub fn record(recorder: &mut Recorder, bindings: &Bindings, lists: &Lists, listi
     recorder.pass("scan", after(), |context, cmd| {
         let Some(job) = listing.jobs.first() else { return };
         let chunk = &bindings.clouds[job.cloud].chunks[job.chunk];
-        context.bind_pipeline(cmd, point, bindings.pipelines.get(&Variant::compute(None, Step::Scan)));
+        context.bind_pipeline(cmd, point, bindings.pipelines.get(&Variant::compute(None, Packing::Full, Step::Scan)));
         context.bind_sets(cmd, point, layout, 0, &[bindings.params, chunk.set, bindings.select], &[job.params]);
         let ranges = listing.ranges.len() as u32;
         for first in (0..ranges).step_by(GROUPS as usize) {

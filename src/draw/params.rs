@@ -175,7 +175,9 @@ impl Camera {
             slab_count: 1.0,
             test_eye: [0.0, 0.0, 0.0, 1.0],
             tau: 0.0,
-            padding: [0; 35],
+            radius_most: 0,
+            radius_step: 0,
+            padding: [0; 33],
         }
     }
 

@@ -1,6 +1,7 @@
 //! What a frame will run, as a pure function of its input: no Vulkan call, testable at every edge.
 
 use crate::stats::{OrderedAccess, Skip};
+use crate::structure::Packing;
 use crate::structure::nodes::ErrorRule;
 use crate::style::{BackFaces, Footprint, Shading, Style, SumPrecision, Voronoi};
 use crate::technique::{Blend, Primitive, Technique};
@@ -20,6 +21,8 @@ pub struct CloudTraits {
     pub rule: Option<ErrorRule>,
     /// It has faces besides points.
     pub triangles: bool,
+    /// How many bytes its points have.
+    pub packing: Packing,
 }
 
 /// What the host has that decides: all but the frame itself.
@@ -173,8 +176,15 @@ impl FramePlan {
 mod tests {
     use super::*;
 
-    const SCAN: CloudTraits =
-        CloudTraits { normals: true, colors: true, closed: false, groups: None, rule: None, triangles: false };
+    const SCAN: CloudTraits = CloudTraits {
+        normals: true,
+        colors: true,
+        closed: false,
+        groups: None,
+        rule: None,
+        triangles: false,
+        packing: Packing::Full,
+    };
     const ALL: Surroundings = Surroundings {
         depth_target: true,
         host_depth: true,

@@ -10,6 +10,7 @@ use crate::gpu::program::{BlendMode, ColorTarget, DepthMode, GraphicsInfo, Progr
 use crate::gpu::spirv::{Shader, generated as spirv};
 use crate::gpu::{Context, Enabled, Interlock};
 use crate::stats::OrderedAccess;
+use crate::structure::Packing;
 use crate::structure::nodes::ErrorRule;
 use crate::style::{Ellipse, Front, Interval, Style, SumPrecision, Voronoi};
 use crate::technique::Blend;
@@ -68,13 +69,17 @@ fn interlock(enabled: &Enabled) -> Option<[&'static Shader; 2]> {
     }
 }
 
-/// Vertex streams in the order of `Chunk::streams`; only `draw/point_layered.vert` reads the last one.
-const STREAMS: [Stream; 4] = [
-    Stream { stride: 16, format: vk::Format::R32G32B32A32_SFLOAT },
-    Stream { stride: 4, format: vk::Format::R32_UINT },
-    Stream { stride: 4, format: vk::Format::R32_UINT },
-    Stream { stride: 1, format: vk::Format::R8_UINT },
-];
+/// Vertex streams in the order of `Chunk::streams`; only `draw/point_layered.vert` reads the last one. A quantised place is
+/// read as fractions, which the shader turns back: whole numbers would need another type of attribute than floats.
+fn streams(packing: Packing) -> [Stream; 4] {
+    let (geometry, normals) = match packing {
+        Packing::Full => ((16, vk::Format::R32G32B32A32_SFLOAT), (4, vk::Format::R32_UINT)),
+        Packing::Exact => ((12, vk::Format::R32G32B32_SFLOAT), (2, vk::Format::R16_UINT)),
+        Packing::Quantised => ((4, vk::Format::A2B10G10R10_UNORM_PACK32), (1, vk::Format::R8_UINT)),
+    };
+    [geometry, normals, (4, vk::Format::R32_UINT), (1, vk::Format::R8_UINT)]
+        .map(|(stride, format)| Stream { stride, format })
+}
 
 /// Which pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -141,6 +146,8 @@ pub struct Variant {
     pub test: Option<(Interval, ErrorRule)>,
     /// LISTED, for quads; point primitives have the list as their indices.
     pub listed: bool,
+    /// PACKING.
+    pub packing: Packing,
 }
 
 /// What becomes of splats that a sprite cannot hold.
@@ -184,6 +191,7 @@ impl Variant {
             sums: plan.sums,
             test: cloud.rule.map(|rule| (style.interval, rule)),
             listed: false,
+            packing: cloud.packing,
         }
     }
 
@@ -193,7 +201,7 @@ impl Variant {
     }
 
     /// The variant of a compute pass: nothing else tells them apart.
-    pub fn compute(test: Option<(Interval, ErrorRule)>, step: Step) -> Variant {
+    pub fn compute(test: Option<(Interval, ErrorRule)>, packing: Packing, step: Step) -> Variant {
         Variant {
             role: Role::Compact(step),
             quads: false,
@@ -211,6 +219,7 @@ impl Variant {
             sums: SumPrecision::Single,
             test: if step == Step::Mark { test } else { None },
             listed: false,
+            packing: if step == Step::Mark { packing } else { Packing::Full },
         }
     }
 
@@ -260,6 +269,12 @@ impl Variant {
             },
             self.test.map_or(0, |(_, rule)| rule as u32),
             (self.listed && self.quads) as u32,
+            match self.packing {
+                Packing::Full => 0,
+                Packing::Exact => 1,
+                // Radii lie elsewhere where there are both.
+                Packing::Quantised => 2 + (self.normals && self.colors) as u32,
+            },
         ];
         let sum = ColorTarget { format: sums_format(self.sums), blend: BlendMode::Replace };
         let surface = ColorTarget { format: SURFACE, blend: BlendMode::Replace };
@@ -325,7 +340,7 @@ impl Variant {
             (true, false) => &spirv::DRAW_POINT_LAYERED_VERT,
             (true, true) => &spirv::DRAW_QUAD_LAYERED_VERT,
         };
-        let streams = if self.role == Role::Groups { 4 } else { 3 };
+        let streams = &streams(self.packing)[..if self.role == Role::Groups { 4 } else { 3 }];
         program.graphics(
             context,
             &GraphicsInfo {
@@ -333,7 +348,7 @@ impl Variant {
                 vertex,
                 fragment,
                 constants: &constants,
-                streams: if pulled { &[] } else { &STREAMS[..streams] },
+                streams: if pulled { &[] } else { streams },
                 topology: if pulled { vk::PrimitiveTopology::TRIANGLE_LIST } else { vk::PrimitiveTopology::POINT_LIST },
                 colors: &colors,
                 depth,

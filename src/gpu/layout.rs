@@ -80,7 +80,11 @@ block! {
         test_eye: [f32; 4] = TEST_EYE,
         /// Error per distance that passes.
         tau: f32 = TAU,
-    } pad 35
+        /// Bits of the largest radius, for packed clouds.
+        radius_most: u32 = RADIUS_MOST,
+        /// Bits from one code of a radius to the next.
+        radius_step: u32 = RADIUS_STEP,
+    } pad 33
 }
 
 block! {

@@ -216,7 +216,7 @@ impl<'a> Setup<'a> {
 
     fn splat(&self, object: &Object, index: usize, least: f32) -> Fate {
         let style = self.scene.style;
-        let [x, y, z, radius] = object.flat.geometry[index];
+        let [x, y, z, radius] = object.flat.point(index as u32);
         let p = object.origin + object.linear * DVec3::new(x as f64, y as f64, z as f64);
         let scale = style.radius_scale as f64 * object.scale;
         let valid = radius > 0.0 && (radius as f64 * scale).is_finite() && scale > 0.0;
@@ -226,7 +226,7 @@ impl<'a> Setup<'a> {
         }
 
         let viewer = self.camera.towards_viewer(p);
-        let code = object.flat.normals.as_ref().map_or(octahedral::NONE, |n| n[index]);
+        let code = object.flat.normal(index as u32);
         let (mut n, mut drawn, mut sure) = (viewer, true, true);
         if let Some(normal) = octahedral::decode(code) {
             n = (object.linear * normal).normalize();
@@ -306,12 +306,6 @@ impl Splat {
 
 fn color(flat: &Flat, index: usize, base: [u8; 3]) -> DVec3 {
     let table = decode_table();
-    let [r, g, b] = match &flat.colors {
-        Some(colors) => {
-            let [r, g, b, _] = colors[index].to_le_bytes();
-            [r, g, b]
-        }
-        None => base,
-    };
+    let [r, g, b] = flat.color(index as u32).unwrap_or(base);
     DVec3::new(table[r as usize], table[g as usize], table[b as usize])
 }

@@ -39,9 +39,10 @@ impl Arrangement {
 }
 
 impl Flat {
-    /// The same points in another order. `depth` is the linear depth of a point of the world \[world units\], asked for only
+    /// The same points in another order, [unpacked](Flat::unpacked). `depth` is the linear depth of a point of the world \[world units\], asked for only
     /// where the order [needs a view](Arrangement::needs_view). The same bytes for the same input.
     pub fn arranged(&self, how: Arrangement, depth: impl Fn(DVec3) -> f64) -> Flat {
+        let full = self.unpacked();
         let world = |[x, y, z, _]: [f32; 4]| self.origin + DVec3::new(x as f64, y as f64, z as f64);
         // Floats in the order of their bits, negative ones turned round.
         let sortable = |z: f64| {
@@ -51,7 +52,7 @@ impl Flat {
         let mut random = Rng::new(1);
         let [low, high] = self.bounds().map(|p| p.as_vec3());
         let cube = Cube::round(low, high);
-        let keys = self.geometry.iter().map(|&g| match how {
+        let keys = full.geometry.iter().map(|&g| match how {
             Arrangement::AsRead => 0,
             Arrangement::Morton => cube.code(Vec3::new(g[0], g[1], g[2])),
             Arrangement::Random => random.bits(),
@@ -63,15 +64,16 @@ impl Flat {
         fn pick<T: Copy>(order: &[(u64, u32)], from: &[T]) -> Vec<T> {
             order.iter().map(|&(_, i)| from[i as usize]).collect()
         }
-        let geometry = pick(&order, &self.geometry);
+        let geometry = pick(&order, &full.geometry);
         Flat {
             origin: self.origin,
-            blocks: super::flat::blocks(&geometry),
+            blocks: super::flat::blocks(geometry.len(), |i| geometry[i]),
             geometry,
-            normals: self.normals.as_ref().map(|n| pick(&order, n)),
-            colors: self.colors.as_ref().map(|c| pick(&order, c)),
+            normals: full.normals.as_ref().map(|n| pick(&order, n)),
+            colors: full.colors.as_ref().map(|c| pick(&order, c)),
             closed: self.closed,
             finest: self.finest,
+            packed: None,
             groups: self.groups.as_ref().map(|g| super::Groups { of: pick(&order, &g.of), ..g.clone() }),
         }
     }

@@ -6,7 +6,7 @@ use super::flat::Block;
 use super::hybrid::Triangles;
 use super::nodes::ErrorRule;
 use super::octree::Preset;
-use super::{Flat, Hybrid, Nodes, Octree, Sequential};
+use super::{Flat, Hybrid, Nodes, Octree, Packing, Sequential};
 use crate::technique::Structure;
 
 /// What a renderer takes in. Cheap to copy.
@@ -76,6 +76,20 @@ impl Cloud {
             Cloud::Octree(octree) => octree.bytes(),
             Cloud::Sequential(tree) => tree.bytes(),
             Cloud::Hybrid(hybrid) => hybrid.bytes(),
+        }
+    }
+
+    /// The same cloud in fewer bytes, or more. Takes as much memory again for a while; an [`Arc`] that is held elsewhere is
+    /// copied.
+    pub fn packed(self, packing: Packing) -> Cloud {
+        if packing == self.flat().packing() {
+            return self;
+        }
+        match self {
+            Cloud::Flat(flat) => Cloud::Flat(Arc::new(Arc::unwrap_or_clone(flat).packed(packing))),
+            Cloud::Octree(octree) => Cloud::Octree(Arc::new(Arc::unwrap_or_clone(octree).packed(packing))),
+            Cloud::Sequential(tree) => Cloud::Sequential(Arc::new(Arc::unwrap_or_clone(tree).packed(packing))),
+            Cloud::Hybrid(hybrid) => Cloud::Hybrid(Arc::new(Arc::unwrap_or_clone(hybrid).packed(packing))),
         }
     }
 

@@ -24,6 +24,7 @@ impl Fnv {
 
 /// Changes with all that a structure makes of a cloud's points.
 pub(super) fn fingerprint(flat: &Flat) -> u64 {
+    let flat = flat.unpacked();
     let mut hash = Fnv::NEW;
     hash.add(bytemuck::cast_slice(&flat.geometry));
     for stream in [&flat.normals, &flat.colors] {

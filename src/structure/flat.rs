@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::packing::{Packed, Streams};
 use super::{Groups, octahedral};
 use crate::load::PointCloud;
 
@@ -11,7 +12,9 @@ pub const BLOCK: usize = 1 << 14;
 /// Coordinates beyond this are drawn nowhere: their squares would leave the range of floats.
 const FARTHEST: f32 = 1e30;
 
-/// A cloud as the device keeps it: 16 B of geometry a point, 4 B more for each of normal and colour.
+/// A cloud as the device keeps it: 16 B of geometry a point, 4 B more for each of normal and colour, or less where it is
+/// [packed](Flat::packed): then `geometry`, `normals` and `colors` are empty, and what asks point by point still gets the
+/// same values as the device.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Flat {
     /// World position that the centres are relative to.
@@ -32,6 +35,8 @@ pub struct Flat {
     /// Largest radius of the points that stand for nothing but themselves; `None` where all do. The larger ones of a
     /// structure say nothing of where the surface is.
     pub finest: Option<f32>,
+    /// The points of a packed cloud.
+    pub packed: Option<Packed>,
 }
 
 /// Bounds of a run of points.
@@ -71,7 +76,7 @@ impl Block {
 }
 
 impl Flat {
-    /// Packs a cloud.
+    /// The points of a cloud.
     ///
     /// Radii must be present (see `load::attributes`); at most 2³² − 1 points.
     pub fn new(cloud: &PointCloud) -> Flat {
@@ -82,7 +87,7 @@ impl Flat {
             cloud.positions.iter().zip(radii).map(|(p, &r)| [p.x, p.y, p.z, radius(r)]).collect();
         Flat {
             origin: cloud.origin,
-            blocks: blocks(&geometry),
+            blocks: blocks(geometry.len(), |i| geometry[i]),
             geometry,
             normals: cloud.normals.as_ref().map(|n| n.iter().map(|&n| octahedral::encode(n)).collect()),
             colors: cloud
@@ -92,6 +97,7 @@ impl Flat {
             closed: cloud.closed,
             groups: None,
             finest: None,
+            packed: None,
         }
     }
 
@@ -109,46 +115,82 @@ impl Flat {
 
     /// Centre of a point, relative to the origin.
     pub fn position(&self, i: u32) -> Vec3 {
-        let [x, y, z, _] = self.geometry[i as usize];
+        let [x, y, z, _] = self.point(i);
         Vec3::new(x, y, z)
+    }
+
+    /// Centre of a point relative to the origin, and its radius.
+    pub fn point(&self, i: u32) -> [f32; 4] {
+        self.packed.as_ref().map_or_else(|| self.geometry[i as usize], |packed| packed.point(i as usize))
+    }
+
+    /// [`octahedral`] code of a point's normal, [`octahedral::NONE`] without.
+    pub fn normal(&self, i: u32) -> u32 {
+        let i = i as usize;
+        match (&self.packed, &self.normals) {
+            (Some(packed), _) => packed.normal(i),
+            (None, Some(normals)) => normals[i],
+            (None, None) => octahedral::NONE,
+        }
+    }
+
+    /// sRGB bytes of a point, if the cloud has colours.
+    pub fn color(&self, i: u32) -> Option<[u8; 3]> {
+        let i = i as usize;
+        let bytes = |colors: &Vec<u32>| colors[i].to_le_bytes();
+        self.packed
+            .as_ref()
+            .map_or_else(|| self.colors.as_ref().map(bytes).map(|[r, g, b, _]| [r, g, b]), |packed| packed.color(i))
+    }
+
+    /// Whether any point may have a normal.
+    pub fn has_normals(&self) -> bool {
+        self.packed.as_ref().map_or(self.normals.is_some(), Packed::has_normals)
+    }
+
+    /// Whether the points have colours.
+    pub fn has_colors(&self) -> bool {
+        self.packed.as_ref().map_or(self.colors.is_some(), Packed::has_colors)
     }
 
     /// Number of points.
     pub fn len(&self) -> usize {
-        self.geometry.len()
+        self.packed.as_ref().map_or(self.geometry.len(), Packed::len)
     }
 
     /// Whether there is no point at all.
     pub fn is_empty(&self) -> bool {
-        self.geometry.is_empty()
+        self.len() == 0
     }
 
     /// Bytes that the arrays take, here and on the device.
     pub fn bytes(&self) -> u64 {
-        let n = self.len() as u64;
-        let [normals, colors, groups] = [self.normals.is_some(), self.colors.is_some(), self.groups.is_some()];
-        n * (16 + 4 * normals as u64 + 4 * colors as u64 + groups as u64)
+        let Streams { geometry, normals, colors, frames } = self.streams(0..self.len());
+        let groups = self.groups.as_ref().map(|groups| &groups.of[..]);
+        [Some(geometry), normals, colors, frames, groups].into_iter().flatten().map(|s| s.len() as u64).sum()
     }
 }
 
-/// Bounds of every run of [`BLOCK`] points.
-pub(super) fn blocks(geometry: &[[f32; 4]]) -> Vec<Block> {
-    geometry
-        .chunks(BLOCK)
-        .enumerate()
-        .map(|(i, run)| {
+/// Whether a point can be drawn from anywhere: a place that is a number, and not too far, and a radius.
+pub(super) fn is_splat(&[x, y, z, r]: &[f32; 4]) -> bool {
+    [x, y, z].iter().all(|v| v.abs() < FARTHEST) && r > 0.0 && r.is_finite()
+}
+
+/// Bounds of every run of [`BLOCK`] of `len` points.
+pub(super) fn blocks(len: usize, point: impl Fn(usize) -> [f32; 4]) -> Vec<Block> {
+    (0..len)
+        .step_by(BLOCK)
+        .map(|first| {
+            let count = BLOCK.min(len - first);
             let mut block = Block {
-                first: (i * BLOCK) as u32,
-                count: run.len() as u32,
+                first: first as u32,
+                count: count as u32,
                 min: Vec3::INFINITY,
                 max: Vec3::NEG_INFINITY,
                 radius: 0.0,
             };
             // What is drawn nowhere must not make the bounds useless.
-            let drawn = |[x, y, z, r]: &&[f32; 4]| {
-                Vec3::new(*x, *y, *z).abs().max_element() < FARTHEST && *r > 0.0 && r.is_finite()
-            };
-            for &[x, y, z, r] in run.iter().filter(drawn) {
+            for [x, y, z, r] in (first..first + count).map(&point).filter(is_splat) {
                 let p = Vec3::new(x, y, z);
                 block.min = block.min.min(p);
                 block.max = block.max.max(p);

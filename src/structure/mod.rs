@@ -12,6 +12,7 @@ mod morton;
 pub mod nodes;
 pub mod octahedral;
 pub mod octree;
+pub mod packing;
 pub mod sequential;
 
 pub use arrange::Arrangement;
@@ -22,4 +23,5 @@ pub use hybrid::Hybrid;
 pub use layered::Index;
 pub use nodes::{Node, Nodes};
 pub use octree::Octree;
+pub use packing::Packing;
 pub use sequential::Sequential;

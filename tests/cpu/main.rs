@@ -30,6 +30,8 @@ mod load_ply;
 mod load_sample;
 mod load_synthetic;
 mod octree;
+mod octree_file;
+mod packing;
 mod reference_blends;
 mod reference_common;
 mod reference_fragments;

@@ -265,7 +265,7 @@ fn points_nearest_to_centres_come_first() {
     let mut expected: Vec<(u32, u8)> = held.into_iter().map(|((level, _), i)| (i, level as u8)).collect();
     let colors = octree.flat.colors.as_ref().unwrap();
     let mut found: Vec<(u32, u8)> =
-        colors.iter().zip(&octree.levels).map(|(color, level)| (color & 0x00ff_ffff, *level)).collect();
+        colors.iter().zip(&octree.levels()).map(|(color, level)| (color & 0x00ff_ffff, *level)).collect();
     expected.sort_unstable();
     found.sort_unstable();
     assert!(found == expected);

@@ -173,10 +173,19 @@ fn groups_are_made_once() {
 
 #[test]
 fn trees_are_made_once() {
-    let folder = Folder::new("render-trees");
+    made_once("sequential", &["--error", "diameter"], "a.tree: holds the tree of");
+}
+
+#[test]
+fn octrees_are_made_once() {
+    made_once("mospt", &["--block", "500"], "a.tree: holds the octree of");
+}
+
+fn made_once(structure: &str, other: &[&str], named: &str) {
+    let folder = Folder::new(&format!("render-{structure}"));
     let (out, again, kept) = (folder.path("a.png"), folder.path("b.png"), folder.path("a.tree"));
     let with = |out: &str, more: &[&str]| {
-        let more = [&["--structure", "sequential", "--threshold", "2", "--tree", &kept], more].concat();
+        let more = [&["--structure", structure, "--threshold", "2", "--tree", &kept], more].concat();
         render(&["scene:torus:3k"], out, &more)
     };
     for out in [&out, &again] {
@@ -186,13 +195,38 @@ fn trees_are_made_once() {
     assert!(fs::read(&out).unwrap() == fs::read(&again).unwrap(), "what is read is what was made");
     // Of other options, or of another cloud: a line that names the file, which stays as it is.
     let before = fs::read(&kept).unwrap();
-    let other = with(&out, &["--error", "diameter"]);
-    let named = "a.tree: holds the tree of";
+    let other = with(&out, other);
     assert!(other.status.code() == Some(1) && stderr(&other).contains(named), "{}", stderr(&other));
     assert_eq!(fs::read(&kept).unwrap(), before);
     fs::write(&kept, &before[..before.len() / 2]).unwrap();
     let cut = with(&out, &[]);
     assert!(cut.status.code() == Some(1) && stderr(&cut).contains("a.tree at byte"), "{}", stderr(&cut));
+}
+
+#[test]
+fn packed_points_look_the_same() {
+    let folder = Folder::new("render-packing");
+    let json = folder.path("a.json");
+    for structure in ["flat", "mospt"] {
+        let draw = |packing: &str| {
+            let out = folder.path(&format!("{structure}-{packing}.png"));
+            let more = ["--structure", structure, "--packing", packing, "--stats", &json];
+            let done = render(&["scene:torus:30k"], &out, &more);
+            assert_eq!(done.status.code(), Some(0), "{packing}: {}", stderr(&done));
+            let stats = stats(&json);
+            let said = stats["assumed"].to_string().contains(&format!("{packing}, radii at most"));
+            assert_eq!(said, packing != "full", "{packing}: {}", stats["assumed"]);
+            (image::open(out).expect("a picture").to_rgba8(), stats["device_bytes"].as_u64().expect("bytes"))
+        };
+        let [(full, most), (exact, fewer), (quantised, fewest)] = ["full", "exact", "quantised"].map(draw);
+        assert!(most > fewer && fewer > fewest, "{structure}: {most} {fewer} {fewest}");
+        for packed in [exact, quantised] {
+            // Colours are off by 2 steps of 255 and normals by 0.0168 rad, of which light makes 4.3 steps; rims average out.
+            let differences = full.iter().zip(packed.iter()).map(|(a, b)| a.abs_diff(*b) as f64);
+            let mean = differences.sum::<f64>() / (4 * covered(&full)) as f64;
+            assert!(mean < 6.3 && mean > 0.0, "{structure}: {mean}");
+        }
+    }
 }
 
 #[test]
@@ -222,7 +256,8 @@ fn what_makes_no_sense_for_a_blend_is_refused() {
         ("--threshold 0", 2),
         ("--threshold nan", 2),
         ("--structure mospt --storage morton", 2),
-        ("--structure mospt --tree a.tree", 2),
+        ("--structure flat --tree a.tree", 2),
+        ("--packing tight", 2),
         ("--structure espt --blend groups --groups a.groups", 2),
         ("--structure sequential --error cell", 2),
         ("--structure espt --block 0", 2),

@@ -26,6 +26,7 @@ mod hybrid_common;
 mod kept;
 mod levels;
 mod one_pass;
+mod packing;
 mod raw;
 mod scene_files;
 mod seeded;

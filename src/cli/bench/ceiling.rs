@@ -112,7 +112,8 @@ pub fn footprint(clouds: &[Cloud], view: &View, [_, height]: [u32; 2], style: &S
     let clip = view.projection * view.view;
     let (mut sum, mut n) = (0.0, 0);
     for flat in clouds.iter().map(Cloud::flat) {
-        for &[x, y, z, r] in flat.geometry.iter().step_by((flat.len() / FOOTPRINTS).max(1)) {
+        for i in (0..flat.len() as u32).step_by((flat.len() / FOOTPRINTS).max(1)) {
+            let [x, y, z, r] = flat.point(i);
             let p = flat.origin + DVec3::new(x as f64, y as f64, z as f64);
             let c = clip * p.extend(1.0);
             let depth = -view.right_handed().view.transform_point3(p).z;

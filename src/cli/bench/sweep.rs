@@ -248,7 +248,8 @@ impl Bench<'_> {
                 Arrangement::AsRead => Arc::clone(flat),
                 how => Arc::new(structure::arrange(Flat::clone(flat), how, view, self.progress)),
             };
-            let clouds: Vec<Cloud> = flats.iter().map(|flat| arrange(flat).into()).collect();
+            let packing = self.args.levels.packing;
+            let clouds: Vec<Cloud> = flats.iter().map(|flat| Cloud::from(arrange(flat)).packed(packing)).collect();
             let instances = self.instances(&clouds)?;
             all.push(Drawn { form, clouds, instances });
         }

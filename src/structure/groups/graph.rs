@@ -33,7 +33,7 @@ pub struct Splats {
     /// Centre and radius.
     geometry: Vec<[f32; 4]>,
     /// Only where a relaxation asks: the normal, 0 for none, and the colour.
-    looks: Vec<(DVec3, u32)>,
+    looks: Vec<(DVec3, Option<[u8; 3]>)>,
     index: Vec<u32>,
     keys: Vec<u64>,
     classes: Vec<Class>,
@@ -75,7 +75,8 @@ impl Splats {
     ) -> Splats {
         let drawn = |p: &[f32; 4]| p.iter().all(|v| v.abs() < 1e30) && p[3] > 0.0;
         let mut all: Vec<([f32; 4], u32)> = Vec::with_capacity(flat.len());
-        for (i, &[x, y, z, _]) in flat.geometry.iter().enumerate().filter(|(i, _)| takes_part(*i)) {
+        for i in (0..flat.len()).filter(|i| takes_part(*i)) {
+            let [x, y, z, _] = flat.point(i as u32);
             let p = [x, y, z, radius(i)];
             all.extend(drawn(&p).then_some((p, i as u32)));
         }
@@ -99,9 +100,8 @@ impl Splats {
             classes.push(class);
         }
         let looks = |i: u32| {
-            let i = i as usize;
-            let normal = flat.normals.as_ref().and_then(|n| octahedral::decode(n[i])).unwrap_or(DVec3::ZERO);
-            (normal, flat.colors.as_ref().map_or(0, |c| c[i]))
+            let normal = octahedral::decode(flat.normal(i)).unwrap_or(DVec3::ZERO);
+            (normal, flat.color(i))
         };
         let asked = relax.coplanar || relax.opposing;
         Splats {

@@ -95,7 +95,7 @@ impl Groups {
     /// As [`Groups::color`].
     pub fn color_where(flat: &Flat, relax: &Relax, together: impl Fn(usize, usize) -> bool + Sync) -> Result<Groups> {
         relax.check()?;
-        let splats = Splats::new(flat, relax, |i| flat.geometry[i][3], |_| true);
+        let splats = Splats::new(flat, relax, |i| flat.point(i as u32)[3], |_| true);
         let conflict =
             |a, b| together(splats.index(a) as usize, splats.index(b) as usize) && splats.conflict(a, b, relax);
         let graph = Graph::new(&splats, relax.factor, conflict);
@@ -105,7 +105,7 @@ impl Groups {
         let overlapping = truncated > 0
             || coloring.conflicts > 0
             || (relax.relaxes() && {
-                let all = Splats::new(flat, &Relax::NONE, |i| flat.geometry[i][3], |_| true);
+                let all = Splats::new(flat, &Relax::NONE, |i| flat.point(i as u32)[3], |_| true);
                 graph::any_pair(&all, 1.0, |a, b| coloring.of(all.index(a)) == coloring.of(all.index(b)))
             });
         let edges = graph.edges() as f64;

@@ -15,7 +15,7 @@
 mod triangles;
 
 use crate::load::Mesh;
-use crate::structure::{Flat, Sequential, sequential};
+use crate::structure::{Flat, Packing, Sequential, sequential};
 
 pub use triangles::{Block, Triangles};
 
@@ -48,6 +48,11 @@ impl Hybrid {
         }
         let tree = Sequential::under(flat, options, &errors);
         Hybrid { tree, triangles: Triangles::new(flat.clone(), &mesh.triangles, &sizes) }
+    }
+
+    /// The same over [packed](Flat::packed) points. Faces stay as they are.
+    pub fn packed(self, packing: Packing) -> Hybrid {
+        Hybrid { tree: self.tree.packed(packing), ..self }
     }
 
     /// Bytes of what a device needs.

@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use super::{Block, Cell, Octree, Options, Preset, Run};
 use crate::color::{decode_table, linear_to_srgb};
 use crate::par;
+use crate::structure::file::fingerprint;
 use crate::structure::morton::{Cube, LEVELS};
 use crate::structure::nodes::NONE;
 use crate::structure::{Flat, octahedral};
@@ -59,6 +60,8 @@ impl Octree {
     /// Builds one. The same bytes for the same input. Points that are no splats (no number, no radius) or lie 10¹⁵ away are
     /// in no block, and always submitted.
     pub fn build(flat: &Flat, options: &Options) -> Octree {
+        let full = flat.unpacked();
+        let flat = &*full;
         let step = if options.preset == Preset::RGrid { options.r.clamp(2, 8).ilog2() } else { 1 };
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let mut loose = Vec::new();
@@ -168,10 +171,18 @@ impl Builder<'_> {
             }
         }
         let sides = (0..=self.deepest).map(|level| self.side(level)).collect();
+        for (cell, by) in self.cells.iter_mut().zip(&represented) {
+            cell.represented_by = *by;
+        }
+        for at in (0..self.cells.len()).rev().filter(|&at| represented[at] == NONE) {
+            // All of its points stand for cells above: then what stands for the first one below does.
+            self.cells[at].represented_by = self.cells[at + 1].represented_by;
+        }
         let mut octree = Octree {
-            levels: entries.iter().map(|(level, _)| *level).collect(),
             flat,
             preset: self.options.preset,
+            options: *self.options,
+            cloud: fingerprint(self.flat),
             cells: std::mem::take(&mut self.cells),
             points: self.flat.len() as u32,
             moved,
@@ -180,7 +191,7 @@ impl Builder<'_> {
             ends,
             sides,
         };
-        finish(&mut octree, &represented);
+        octree.enclose();
         octree
     }
 
@@ -345,13 +356,14 @@ impl Builder<'_> {
         let finest = self.places.iter().map(radius).fold(0.0, f32::max);
         let made = Flat {
             origin: flat.origin,
-            blocks: crate::structure::flat::blocks(&geometry),
+            blocks: crate::structure::flat::blocks(geometry.len(), |i| geometry[i]),
             geometry,
             normals: flat.normals.as_ref().map(|_| stored.iter().map(|s| s.normal).collect()),
             colors: flat.colors.as_ref().map(|_| stored.iter().map(|s| s.color).collect()),
             closed: flat.closed,
             groups: None,
             finest: Some(finest),
+            packed: None,
         };
         (made, moved)
     }
@@ -359,43 +371,7 @@ impl Builder<'_> {
 
 /// Whether a point can lie in a cell: its square is a number, and it is a splat.
 fn is_point(&[x, y, z, r]: &[f32; 4]) -> bool {
-    Vec3::new(x, y, z).abs().max_element() < FARTHEST && r > 0.0 && r.is_finite()
-}
-
-/// Fills in what stands for each cell, and the boxes: those of blocks round all that may be drawn of them, those of inner
-/// cells round their children.
-fn finish(octree: &mut Octree, represented: &[u32]) {
-    for at in (0..octree.cells.len()).rev() {
-        let mut cell = octree.cells[at];
-        if let Some(block) = octree.blocks.get(cell.block as usize) {
-            // Averages are as large as their spacing, which selection allows for anyway.
-            for (run, own) in [(&block.points, 1.0), (&block.averages, 0.0)].into_iter().filter(|(r, _)| r.levels > 0) {
-                let count = octree.up_to(run, run.base + run.levels - 1);
-                for &[x, y, z, r] in &octree.flat.geometry[run.first as usize..][..count as usize] {
-                    let p = Vec3::new(x, y, z);
-                    (cell.min, cell.max) = (cell.min.min(p), cell.max.max(p));
-                    cell.reach = cell.reach.max(r * own);
-                }
-            }
-        }
-        let mut child = at + 1;
-        while child < cell.skip as usize {
-            let below = &octree.cells[child];
-            (cell.min, cell.max) = (cell.min.min(below.min), cell.max.max(below.max));
-            cell.reach = cell.reach.max(below.reach);
-            child = below.skip as usize;
-        }
-        cell.represented_by = match represented[at] {
-            // All of its points stand for cells above: then what stands for the first one below does.
-            NONE => octree.cells[at + 1].represented_by,
-            by => by,
-        };
-        if octree.preset != Preset::Mospt {
-            let [x, y, z, _] = octree.flat.geometry[cell.represented_by as usize];
-            (cell.min, cell.max) = (cell.min.min(Vec3::new(x, y, z)), cell.max.max(Vec3::new(x, y, z)));
-        }
-        octree.cells[at] = cell;
-    }
+    [x, y, z].iter().all(|v| v.abs() < FARTHEST) && r > 0.0 && r.is_finite()
 }
 
 /// A run of entries sorted by level, which begins at `first`.

@@ -15,11 +15,13 @@
 //! OneVBO is the flat array; OneSPT and SPTsR (3.3, 4.2) are tested point by point, see [`super::sequential`].
 
 mod build;
+mod file;
 
 use glam::Vec3;
 
-use super::Flat;
+use super::file::fingerprint;
 use super::nodes::NONE;
+use super::{Flat, Packing};
 use crate::select::{DrawList, Sight, Span};
 use crate::technique::names;
 
@@ -64,10 +66,12 @@ pub struct Octree {
     pub flat: Flat,
     /// What blocks hold.
     pub preset: Preset,
+    /// How it was made.
+    pub options: Options,
+    /// Fingerprint of the cloud that it was made of.
+    pub cloud: u64,
     /// Every cell before its descendants.
     pub cells: Vec<Cell>,
-    /// Level of each point; 0 where there is none.
-    pub levels: Vec<u8>,
     /// Points of the input.
     pub points: u32,
     /// How far a point was moved at most \[cloud units\]; 0 but for r-grids.
@@ -120,6 +124,12 @@ struct Run {
 }
 
 impl Octree {
+    /// Whether it is what [`build`](Self::build) makes of this cloud with these options: for what was
+    /// [loaded](Self::load).
+    pub fn is_of(&self, flat: &Flat, options: &Options) -> bool {
+        self.options == *options && self.points as usize == flat.len() && self.cloud == fingerprint(flat)
+    }
+
     /// Adds the spans that a view needs of one instance.
     pub fn select(&self, sight: &Sight, instance: u32, list: &mut DrawList) {
         let mut push = |first, count, least| list.push(Span { instance, first, count, least });
@@ -173,9 +183,66 @@ impl Octree {
         }
     }
 
+    /// Level of each point; 0 where there is none.
+    pub fn levels(&self) -> Vec<u8> {
+        let mut levels = vec![0; self.flat.len()];
+        if self.preset != Preset::Mospt {
+            // Averages of whole cells. Of MOSPTs one of the block's own points stands for them.
+            self.cells.iter().for_each(|cell| levels[cell.represented_by as usize] = cell.level);
+        }
+        for run in self.blocks.iter().flat_map(|block| [block.averages, block.points]) {
+            for level in run.base..run.base + run.levels {
+                let before = if level == run.base { 0 } else { self.up_to(&run, level - 1) };
+                levels[(run.first + before) as usize..(run.first + self.up_to(&run, level)) as usize].fill(level);
+            }
+        }
+        levels
+    }
+
+    /// The same cells over [packed](Flat::packed) points, in boxes that hold those.
+    pub fn packed(mut self, packing: Packing) -> Octree {
+        if packing != self.flat.packing() {
+            self.flat = self.flat.packed(packing);
+            self.enclose();
+        }
+        self
+    }
+
+    /// Grows the boxes of cells: of blocks round all that may be drawn of them, of inner cells round their children.
+    fn enclose(&mut self) {
+        for at in (0..self.cells.len()).rev() {
+            let mut cell = self.cells[at];
+            let mut hold = |[x, y, z, r]: [f32; 4], own: f32| {
+                let p = Vec3::new(x, y, z);
+                (cell.min, cell.max) = (cell.min.min(p), cell.max.max(p));
+                cell.reach = cell.reach.max(r * own);
+            };
+            if let Some(block) = self.blocks.get(cell.block as usize) {
+                // Averages are as large as their spacing, which selection allows for anyway.
+                for (run, own) in
+                    [(&block.points, 1.0), (&block.averages, 0.0)].into_iter().filter(|(r, _)| r.levels > 0)
+                {
+                    let count = self.up_to(run, run.base + run.levels - 1);
+                    (run.first..run.first + count).for_each(|i| hold(self.flat.point(i), own));
+                }
+            }
+            if self.preset != Preset::Mospt {
+                hold(self.flat.point(cell.represented_by), 0.0);
+            }
+            let mut child = at + 1;
+            while child < cell.skip as usize {
+                let below = &self.cells[child];
+                (cell.min, cell.max) = (cell.min.min(below.min), cell.max.max(below.max));
+                cell.reach = cell.reach.max(below.reach);
+                child = below.skip as usize;
+            }
+            self.cells[at] = cell;
+        }
+    }
+
     /// Bytes that the arrays take; those of the points are on the device as well.
     pub fn bytes(&self) -> u64 {
         let cells = size_of_val(&self.cells[..]) + size_of_val(&self.blocks[..]) + size_of_val(&self.ends[..]);
-        self.flat.bytes() + cells as u64 + self.levels.len() as u64
+        self.flat.bytes() + cells as u64
     }
 }

@@ -143,13 +143,14 @@ impl Sequential {
         let mut tree = Sequential {
             flat: Flat {
                 origin: DVec3::from_array([0, 1, 2].map(|i| f64::from_bits(number(i)))),
-                blocks: blocks(&geometry),
+                blocks: blocks(geometry.len(), |i| geometry[i]),
                 geometry,
                 normals,
                 colors,
                 closed: flags & CLOSED != 0,
                 groups: None,
                 finest: Some(finest),
+                packed: None,
             },
             nodes: Nodes { links, nodes, rule, tau_max },
             lists,

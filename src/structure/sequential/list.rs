@@ -64,7 +64,7 @@ impl Sequential {
     /// Key of an entry \[cloud units\]: e_parent + τ_max |p − p_parent|; ∞ where nothing can stand for it. An entry of the
     /// cut has key ≥ τ r, r the distance of some point of its list's box.
     pub fn key(&self, entry: usize) -> f32 {
-        let [x, y, z, _] = self.flat.geometry[entry];
+        let [x, y, z, _] = self.flat.point(entry as u32);
         key(&self.nodes, self.nodes.links[entry][1], Vec3::new(x, y, z))
     }
 
@@ -149,13 +149,13 @@ pub fn cluster(code: u32) -> usize {
 }
 
 /// The least cone round the mean of some codes.
-pub fn cone(codes: &[u32]) -> Option<Cone> {
+pub fn cone(codes: impl Iterator<Item = u32> + Clone) -> Option<Cone> {
     let mut sum = DVec3::ZERO;
-    for &code in codes {
+    for code in codes.clone() {
         sum += octahedral::decode(code)?;
     }
     let axis = sum.try_normalize()?.as_vec3();
-    let least = codes.iter().filter_map(|&c| octahedral::decode(c)).map(|n| n.dot(axis.as_dvec3())).fold(1.0, f64::min);
+    let least = codes.filter_map(octahedral::decode).map(|n| n.dot(axis.as_dvec3())).fold(1.0, f64::min);
     let cosine = (least - 1e-6) as f32;
     (cosine > 0.0).then_some(Cone { axis, cosine })
 }

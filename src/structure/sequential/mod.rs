@@ -44,10 +44,10 @@ mod trim;
 use glam::Vec3;
 
 use crate::par;
-use crate::structure::Flat;
 use crate::structure::file::fingerprint;
 use crate::structure::flat::blocks;
 use crate::structure::nodes::{ErrorRule, NONE, Node, Nodes};
+use crate::structure::{Flat, Packing};
 
 pub use list::{CLUSTERS, Cone, List};
 use tree::Tree;
@@ -133,6 +133,8 @@ impl Sequential {
         assert!(options.tau_max > 0.0 && options.tau_max <= 0.5, "tau_max {}: 0 to 1/2", options.tau_max);
         assert!(options.blocks < 1 << 24 && !(options.blocks > 0 && options.clusters), "lists: {options:?}");
         assert!(flat.len() < 1 << 31, "{} points: too many for a tree", flat.len());
+        let full = flat.unpacked();
+        let flat = &*full;
         let usable = |&[x, y, z, r]: &[f32; 4]| {
             let p = Vec3::new(x, y, z).abs();
             p.max_element() <= FARTHEST && p.is_finite() && r > 0.0 && r <= FARTHEST
@@ -145,6 +147,33 @@ impl Sequential {
             None => tree,
         };
         Entries { flat, options, tree, odd }.list()
+    }
+
+    /// The same tree over [packed](Flat::packed) points. Nodes, and with them the test of single entries, stay as they are.
+    pub fn packed(mut self, packing: Packing) -> Sequential {
+        if packing == self.flat.packing() {
+            return self;
+        }
+        let before = self.flat.clone();
+        self.flat = self.flat.packed(packing);
+        let flat = &self.flat;
+        let mut moved = 0.0f64;
+        for list in &mut self.lists {
+            let entries = list.first..list.first + list.count;
+            for i in entries.clone().filter(|&i| flat.point(i)[3] > 0.0) {
+                let [p, was] = [flat, &before].map(|f| f.position(i));
+                moved = moved.max((p.as_dvec3() - was.as_dvec3()).length());
+                (list.min, list.max) = (list.min.min(p), list.max.max(p));
+                list.reach = list.reach.max(flat.point(i)[3]);
+            }
+            list.cone = list.cone.and_then(|_| list::cone(entries.map(|i| flat.normal(i))));
+        }
+        // Keys have the distance of an entry from its parent.
+        let more = error::up(self.nodes.tau_max as f64 * moved);
+        if more > 0.0 {
+            self.steps.iter_mut().for_each(|key| *key = error::up(*key as f64 + more as f64));
+        }
+        self
     }
 
     /// Whether it is what [`build`](Self::build) makes of this cloud with these options: for what was
@@ -341,13 +370,14 @@ impl Entries<'_> {
         let finest = finest(&self.flat.geometry);
         let flat = Flat {
             origin: self.flat.origin,
-            blocks: blocks(&geometry),
+            blocks: blocks(geometry.len(), |i| geometry[i]),
             geometry,
             normals: stream(&self.flat.normals, |inner| inner.normal),
             colors: stream(&self.flat.colors, |inner| inner.color),
             closed: self.flat.closed,
             groups: None,
             finest: Some(finest),
+            packed: None,
         };
         let lists = lists(&flat, &links, &nodes, &ends, self.odd.len());
         let mut tree = Sequential {
@@ -398,7 +428,7 @@ fn lists(flat: &Flat, links: &[[u32; 2]], nodes: &[Node], ends: &[usize], odd: u
                 (list.min, list.max) = (list.min.min(p.min(q)), list.max.max(p.max(q)));
                 list.reach = list.reach.max(r);
             }
-            list.cone = flat.normals.as_ref().and_then(|normals| list::cone(&normals[run]));
+            list.cone = list::cone(run.map(|i| flat.normal(i as u32)));
         }
         lists.push(list);
     }
