@@ -19,6 +19,11 @@ mod groups;
 mod groups_file;
 #[path = "../common/golden.rs"]
 mod kept;
+mod layered_budget;
+mod layered_cache;
+mod layered_common;
+mod layered_fade;
+mod layered_refine;
 mod load_bad;
 mod load_files;
 mod load_las;
