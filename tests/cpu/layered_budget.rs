@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use surfel::select::Sight;
-use surfel::select::layered::{Cut, Limit, Pace, Refine, Role, fit, refine};
+use surfel::select::layered::{Cut, Limit, Refine, Role, TimeBudget, factor_for, refine};
 
 use crate::layered_common::{Model, Random, any_sight, degenerate, surface, with_strays};
 
@@ -30,7 +30,7 @@ fn the_factor_is_the_least_that_keeps_to_the_limit() {
             let finest = [0.0, 1.0][random.below(2)];
             let most = 1 + random.below(2000) as u64;
             let limit = if random.below(2) == 1 { Limit::Samples(most) } else { Limit::Patches(most as u32 / 20) };
-            let factor = fit(&model.index, &sights, &options, limit, finest);
+            let factor = factor_for(&model.index, &sights, &options, limit, finest);
             let count = |factor: f64| {
                 let (samples, patches) = counts(&model, &sights, &Refine { factor, ..options });
                 match limit {
@@ -71,12 +71,13 @@ fn degenerate_models_have_a_factor() {
     for (name, points) in degenerate() {
         let model = Model::build(&points, 20);
         for _ in 0..20 {
-            let factor = fit(&model.index, &[any_sight(&mut random)], &Refine::default(), Limit::Samples(50), 1.0);
+            let factor =
+                factor_for(&model.index, &[any_sight(&mut random)], &Refine::default(), Limit::Samples(50), 1.0);
             assert!(factor >= 1.0, "{name}: {factor}");
         }
-        assert_eq!(fit(&model.index, &[], &Refine::default(), Limit::Samples(0), 1.0), 1.0, "{name}");
+        assert_eq!(factor_for(&model.index, &[], &Refine::default(), Limit::Samples(0), 1.0), 1.0, "{name}");
     }
-    assert_eq!(fit(&Default::default(), &[], &Refine::default(), Limit::Samples(0), 1.0), 1.0);
+    assert_eq!(factor_for(&Default::default(), &[], &Refine::default(), Limit::Samples(0), 1.0), 1.0);
 }
 
 /// A device that takes `fixed` + n / `rate` seconds, give or take `noise`, and now and then ten times as long.
@@ -106,7 +107,7 @@ fn frames_come_to_last_as_long_as_they_should() {
     for (fixed, rate, noise) in [(0.0, 5e6, 0.0), (0.0, 5e6, 0.1), (0.004, 60e6, 0.05), (0.008, 1e9, 0.2)] {
         for first in [1, 100_000, 1_000_000_000] {
             let mut device = Device { fixed, rate, noise, random: Random(42) };
-            let mut pace = Pace::new(aim, first);
+            let mut budget = TimeBudget::new(aim, first);
             let (mut drawn, mut since) = (VecDelay::new(2), 0);
             for frame in 0..700 {
                 // Twice the speed from then on.
@@ -114,14 +115,14 @@ fn frames_come_to_last_as_long_as_they_should() {
                     device.rate *= 2.0;
                     since = 0;
                 }
-                let samples = pace.samples();
+                let samples = budget.samples();
                 // What is measured now was drawn some frames ago.
                 if let Some((n, seconds)) = drawn.push((samples, device.takes(samples, frame))) {
-                    pace.measured(n, seconds);
+                    budget.measured(n, seconds);
                 }
                 since += 1;
-                // From 1 sample on, each window of nine frames and two of delay at least doubles the number: a rate that is
-                // measured at n is too low by a / (a + b n), at most a half below half of the aim where a ≤ T / 4, and so on.
+                // From 1 sample up to 8 million is 23 doublings, and with a = T / 2 each takes the median's five frames and the
+                // two of delay.
                 if since > 250 {
                     let exact = device.exact(samples);
                     let (low, high) = (aim / (1.0 + noise), aim / (1.0 - noise));
@@ -148,11 +149,11 @@ impl VecDelay {
 
 #[test]
 fn what_is_no_measurement_changes_nothing() {
-    let mut pace = Pace::new(0.01, 1000);
+    let mut budget = TimeBudget::new(0.01, 1000);
     for (samples, seconds) in [(0, 1.0), (10, 0.0), (10, f64::NAN), (10, f64::INFINITY), (10, -1.0)] {
-        pace.measured(samples, seconds);
-        assert_eq!(pace.samples(), 1000);
+        budget.measured(samples, seconds);
+        assert_eq!(budget.samples(), 1000);
     }
-    (0..20).for_each(|_| pace.measured(1, 1e3));
-    assert_eq!(pace.samples(), 1, "at least one");
+    (0..20).for_each(|_| budget.measured(1, 1e3));
+    assert_eq!(budget.samples(), 1, "at least one");
 }

@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 
 use surfel::select::Sight;
-use surfel::select::layered::{Cache, Cut, Limit, Refine, Refused, Role, Slot, Step, affordable, fit, refine, wishes};
+use surfel::select::layered::{
+    Cache, Cut, Limit, Refine, Refused, Role, Slot, Step, affordable, factor_for, refine, wishes,
+};
 use surfel::structure::nodes::NONE;
 
 use crate::layered_common::{Model, Random, any_sight, surface};
@@ -99,7 +101,7 @@ fn victims_are_the_oracle_s() {
             drawn.iter().for_each(|n| oracle.up(*n, 2 * frame + 1, frame));
             cut.near.iter().for_each(|n| oracle.up(*n, 2 * frame, 0));
             let room = cache.room();
-            assert_eq!((room.wanted, room.ahead), (oracle.room(2 * frame + 1), oracle.room(2 * frame)));
+            assert_eq!((room.wanted, room.prefetch), (oracle.room(2 * frame + 1), oracle.room(2 * frame)));
             for _ in 0..random.below(30) {
                 // Any, or more often one whose parent is there.
                 let mut node = if oracle.there.is_empty() { 0 } else { random.below(model.len()) as u32 };
@@ -200,7 +202,8 @@ fn a_still_camera_comes_to_rest_with_all_that_fits() {
     let model = Model::build(&surface(3000, 1), 16);
     let mut random = Random(31);
     let (mut coarser, mut moved) = (0, 0);
-    for (slots, fitted, ahead) in [(30, true, 1.0), (60, true, 0.3), (60, false, 1.0), (60, false, 0.3), (1, true, 0.5)]
+    for (slots, fitted, prefetch) in
+        [(30, true, 1.0), (60, true, 0.3), (60, false, 1.0), (60, false, 0.3), (1, true, 0.5)]
     {
         let cache = Cache::new(&model.index, slots, 2);
         let mut frames =
@@ -208,9 +211,9 @@ fn a_still_camera_comes_to_rest_with_all_that_fits() {
         for place in 0..12 {
             // Two views, or two instances, with one cache.
             let sights = [any_sight(&mut random), any_sight(&mut random)];
-            let mut options = Refine { ahead, ..Refine::default() };
+            let mut options = Refine { prefetch, ..Refine::default() };
             if fitted {
-                options.factor = fit(&model.index, &sights, &options, Limit::Patches(slots), 1.0);
+                options.factor = factor_for(&model.index, &sights, &options, Limit::Patches(slots), 1.0);
                 coarser += (options.factor > 1.0) as usize;
             }
             (0..300).for_each(|_| drop(frames.next(&sights, &options)));

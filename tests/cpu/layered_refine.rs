@@ -36,8 +36,8 @@ fn numbers(cut: &Cut, role: Role) -> BTreeSet<u32> {
 #[derive(Default, PartialEq, Debug)]
 struct Oracle {
     drawn: BTreeSet<u32>,
-    away: BTreeSet<u32>,
-    beside: BTreeSet<u32>,
+    cone: BTreeSet<u32>,
+    frustum: BTreeSet<u32>,
     missing: BTreeSet<u32>,
     near: BTreeSet<u32>,
     soon: BTreeSet<u32>,
@@ -73,26 +73,26 @@ fn oracle(model: &Model, sight: &Sight, options: &Refine, there: &[bool]) -> Ora
             spacing(path[k]) as f64 / (sight.tau * d) / options.factor
         };
         let own = path.len() - 1;
-        // Asked for: all above it are refined, there, and not beside the picture.
+        // Asked for: all above it are refined, there, and not outside the frustum.
         let above_there = (0..own).all(|k| there[path[k] as usize] && !out(k));
         let refined = (0..own).all(|k| pressure(k) > 1.0);
         let away = (0..=own).any(turned);
         if above_there && refined {
             match (out(own), away, there[i as usize]) {
-                (true, ..) => found.beside.insert(i),
-                (_, true, _) => found.away.insert(i),
+                (true, ..) => found.frustum.insert(i),
+                (_, true, _) => found.cone.insert(i),
                 (_, _, true) => found.drawn.insert(i),
                 _ => found.missing.insert(i),
             };
-        } else if above_there && own > 0 && (0..own - 1).all(|k| pressure(k) > 1.0) && pressure(own - 1) > options.ahead
-        {
-            if !out(own) && !away {
-                if there[i as usize] {
-                    found.near.insert(i)
-                } else {
-                    found.soon.insert(i)
-                };
-            }
+            continue;
+        }
+        let above_refined = above_there && own > 0 && (0..own - 1).all(|k| pressure(k) > 1.0);
+        if above_refined && pressure(own - 1) > options.prefetch && !out(own) && !away {
+            if there[i as usize] {
+                found.near.insert(i)
+            } else {
+                found.soon.insert(i)
+            };
         }
     }
     found
@@ -109,7 +109,7 @@ fn cuts_are_what_testing_every_node_finds() {
                 rule: [Rule::Measured, Rule::Published][random.below(2)],
                 factor: [1.0, 1.7][random.below(2)],
                 back_faces_culled: random.below(2) == 1,
-                ahead: [1.0, 0.2][random.below(2)],
+                prefetch: [1.0, 0.2][random.below(2)],
                 ..Refine::default()
             };
             // Some are not there; what is there has a parent that is, or the traversal must not find it.
@@ -120,13 +120,13 @@ fn cuts_are_what_testing_every_node_finds() {
             let soon = |sign: fn(&Wish) -> bool| -> BTreeSet<u32> {
                 cut.wishes.iter().filter(|w| sign(w)).map(|w| w.node).collect()
             };
-            let beside: BTreeSet<u32> =
-                expected.beside.iter().copied().filter(|&i| there[i as usize] && i > 0).collect();
-            let away: BTreeSet<u32> = expected.away.iter().copied().filter(|&i| there[i as usize]).collect();
+            let frustum: BTreeSet<u32> =
+                expected.frustum.iter().copied().filter(|&i| there[i as usize] && i > 0).collect();
+            let cone: BTreeSet<u32> = expected.cone.iter().copied().filter(|&i| there[i as usize]).collect();
             let name = format!("model {m}, view {view}, {options:?}");
             assert_eq!(numbers(&cut, Role::Drawn), expected.drawn, "{name}");
-            assert_eq!(numbers(&cut, Role::Beside), beside, "{name}");
-            assert_eq!(numbers(&cut, Role::Away), away, "{name}");
+            assert_eq!(numbers(&cut, Role::Outside), frustum, "{name}");
+            assert_eq!(numbers(&cut, Role::BackFacing), cone, "{name}");
             assert_eq!(soon(|w| w.priority > 0.0), expected.missing, "{name}");
             assert_eq!(soon(|w| w.priority < 0.0), expected.soon, "{name}");
             assert_eq!(cut.near.iter().copied().collect::<BTreeSet<_>>(), expected.near, "{name}");
@@ -134,13 +134,13 @@ fn cuts_are_what_testing_every_node_finds() {
             let counts = cut.counts;
             let found = [
                 expected.drawn.len(),
-                expected.beside.len(),
-                expected.away.len(),
+                expected.frustum.len(),
+                expected.cone.len(),
                 expected.missing.len(),
                 expected.near.len(),
                 expected.soon.len(),
             ];
-            let counted = [counts.drawn, counts.beside, counts.away, counts.missing].map(|n| n as usize);
+            let counted = [counts.drawn, counts.frustum, counts.cone, counts.missing].map(|n| n as usize);
             assert_eq!(counted, found[..4], "{name}");
             assert_eq!(counts.visited as usize, found[..4].iter().sum::<usize>(), "{name}");
             let samples: u64 = expected.drawn.iter().map(|&i| model.index.nodes[i as usize].samples as u64).sum();
@@ -207,13 +207,13 @@ fn nothing_that_is_seen_is_left_out() {
                 let above = nodes.get(node.parent as usize).unwrap_or(node).spacing;
                 for &(p, n) in &subtrees[step.node as usize] {
                     match step.role {
-                        Role::Beside => assert!(!meets(&sight, p, above as f64 * sight.radius_scale)),
-                        Role::Away => assert!(to_eye(&sight, p).0.dot(n.as_dvec3()) < 0.0),
+                        Role::Outside => assert!(!meets(&sight, p, above as f64 * sight.radius_scale)),
+                        Role::BackFacing => assert!(to_eye(&sight, p).0.dot(n.as_dvec3()) < 0.0),
                         Role::Drawn => {}
                     }
                 }
-                beside += usize::from(step.role == Role::Beside);
-                away += usize::from(step.role == Role::Away);
+                beside += usize::from(step.role == Role::Outside);
+                away += usize::from(step.role == Role::BackFacing);
             }
         }
     }
@@ -314,7 +314,7 @@ fn wishes_come_in_the_order_of_their_priorities() {
     let mut wished = 0;
     for _ in 0..200 {
         let there: Vec<bool> = (0..model.len()).map(|i| i == 0 || random.unit() < 0.6).collect();
-        let options = Refine { ahead: 0.5, ..Refine::default() };
+        let options = Refine { prefetch: 0.5, ..Refine::default() };
         let sights: Vec<Sight> = (0..3).map(|_| any_sight(&mut random)).collect();
         let cuts: Vec<Cut> =
             sights.iter().map(|s| cut(model, s, &options, |i| there[i as usize] as u32 as f32)).collect();
@@ -342,12 +342,12 @@ fn wishes_come_in_the_order_of_their_priorities() {
             let most = most.fold(0.0, f64::max) - 1.0;
             assert!(wish.priority as f64 <= most.max(0.0) * 1.000001, "{wish:?}, {most}");
         }
-        let (bytes, room) = (random.below(3000) as u64, Room { wanted: random.below(40) as u32, ahead: 3 });
+        let (bytes, room) = (random.below(3000) as u64, Room { wanted: random.below(40) as u32, prefetch: 3 });
         let mut expected = 0;
         let mut sum = 0;
         for wish in &ordered {
             sum += wish.bytes as u64;
-            let places = if wish.priority > 0.0 { room.wanted } else { room.ahead };
+            let places = if wish.priority > 0.0 { room.wanted } else { room.prefetch };
             if sum > bytes && expected > 0 || expected >= places as usize {
                 break;
             }

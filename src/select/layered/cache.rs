@@ -24,7 +24,7 @@ pub struct Room {
     /// That views want: in free slots, and in place of what they do not want.
     pub wanted: u32,
     /// That are fetched ahead: in place of what is not even near to being wanted. At most `wanted`.
-    pub ahead: u32,
+    pub prefetch: u32,
 }
 
 /// Why a patch got no slot.
@@ -60,7 +60,7 @@ struct Held {
 ///   its parent, so in the order of victims (recency, then larger numbers first) children precede their parents.
 /// - What this frame draws is no victim, nor what a frame draws that is not complete, by the host's counter.
 /// - A still camera comes to rest: what is [affordable](super::affordable) within [`Cache::room`] only takes the place of what
-///   is not wanted. With a factor that [fits](super::fit) the number of slots, that is everything that is wanted.
+///   is not wanted. With a factor that [fits](super::factor_for) the number of slots, that is everything that is wanted.
 #[derive(Debug, Clone)]
 pub struct Cache {
     /// Of each node.
@@ -138,7 +138,7 @@ impl Cache {
     pub fn room(&self) -> Room {
         let below = |limit: u64| self.held.iter().filter(|held| self.yields(held, limit)).count() as u32;
         let free = self.free.len() as u32;
-        Room { wanted: free + below(2 * self.frame + 1), ahead: free + below(2 * self.frame) }
+        Room { wanted: free + below(2 * self.frame + 1), prefetch: free + below(2 * self.frame) }
     }
 
     /// Patches that had to go.

@@ -11,9 +11,9 @@ pub enum Role {
     /// Its samples are drawn.
     Drawn,
     /// It faces away, with all below it. It is refined as if it were drawn, for the radii of its ancestors' samples.
-    Away,
-    /// It lies beside the picture, with all below it. It counts for radii, nothing below it does.
-    Beside,
+    BackFacing,
+    /// It lies outside the frustum, with all below it. It counts for radii, nothing below it does.
+    Outside,
 }
 
 /// A node of a cut.
@@ -36,18 +36,18 @@ pub struct Step {
     pub limit: u32,
 }
 
-/// What a traversal met. `visited` = `drawn` + `beside` + `away` + `missing`.
+/// What a traversal met. `visited` = `drawn` + `frustum` + `cone` + `missing`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// Nodes that the rule asked for: the root, and all children of refined nodes.
     pub visited: u32,
-    /// Of those, beside the picture.
-    pub beside: u32,
-    /// Of those, in the picture, but facing away.
-    pub away: u32,
-    /// Of those, in the picture and drawn.
+    /// Of those, outside the frustum.
+    pub frustum: u32,
+    /// Of those, inside, but facing away by the cone of their normals.
+    pub cone: u32,
+    /// Of those, drawn.
     pub drawn: u32,
-    /// Of those, in the picture, not there.
+    /// Of those, to be drawn, but not there.
     pub missing: u32,
     /// Samples of drawn nodes that are drawn.
     pub samples: u64,

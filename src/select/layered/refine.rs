@@ -29,19 +29,19 @@ names!(Rule { Measured = "measured", Published = "published" });
 pub struct Refine {
     /// Which spacing s is.
     pub rule: Rule,
-    /// On the threshold, more than 0: what [`fit`](super::fit) found.
+    /// On the threshold, more than 0: what [`factor_for`](super::factor_for) found.
     pub factor: f64,
     /// Whether what faces away is not drawn anyway: closed clouds whose back faces are dropped.
     pub back_faces_culled: bool,
     /// A child is there in full from this ratio of its parent on, at least 1; between 1 and this in proportion. 1: at once.
     pub fade: f64,
     /// Children may be wanted soon from this ratio of their parent on, at most 1. 1: nothing is fetched ahead.
-    pub ahead: f64,
+    pub prefetch: f64,
 }
 
 impl Default for Refine {
     fn default() -> Self {
-        Refine { rule: Rule::Measured, factor: 1.0, back_faces_culled: false, fade: 1.0, ahead: 1.0 }
+        Refine { rule: Rule::Measured, factor: 1.0, back_faces_culled: false, fade: 1.0, prefetch: 1.0 }
     }
 }
 
@@ -82,25 +82,25 @@ impl Look<'_> {
         if ratio.is_nan() { 0.0 } else { ratio }
     }
 
-    /// Whether a node lies beside the picture, with all that its being in the cut could change there. `above`: the radius in
+    /// Whether a node lies outside the frustum, with all that its being in the cut could change there. `above`: the radius in
     /// its parent's region, `spacing`: the parent's.
     ///
     /// Its own samples are drawn no larger than `above`. Its ancestors' samples in its region lie within the parent's spacing of
     /// one of its own, that is how spacing is measured, and they reach as far again: twice the spacing and they are out of the
     /// picture too, so that none of their radii matters.
-    pub fn beside(&self, node: &Node, above: f32, spacing: f32) -> bool {
+    pub fn outside(&self, node: &Node, above: f32, spacing: f32) -> bool {
         let reach = node.reach.max(above).max(2.0 * spacing);
         self.sight.misses_ball(node.centre, node.ball, reach)
     }
 
-    pub fn away(&self, node: &Node) -> bool {
+    pub fn back_facing(&self, node: &Node) -> bool {
         self.options.back_faces_culled && self.sight.faces_away(node.centre, node.ball, node.axis, node.cone)
     }
 
     pub fn role(&self, node: &Node, above: f32, spacing: f32) -> Role {
-        match (self.beside(node, above, spacing), self.away(node)) {
-            (true, _) => Role::Beside,
-            (_, true) => Role::Away,
+        match (self.outside(node, above, spacing), self.back_facing(node)) {
+            (true, _) => Role::Outside,
+            (_, true) => Role::BackFacing,
             _ => Role::Drawn,
         }
     }
@@ -128,9 +128,9 @@ pub fn refine(index: &Index, sight: &Sight, options: &Refine, presence: impl Fn(
     let spacing = look.spacing(root);
     cut.counts.visited = 1;
     match look.role(root, spacing, spacing) {
-        Role::Beside => cut.counts.beside = 1,
+        Role::Outside => cut.counts.frustum = 1,
         role if presence(0) > 0.0 => level.push(Found { node: 0, role, above: 0, side: 0, share: 1.0 }),
-        Role::Away => cut.counts.away = 1,
+        Role::BackFacing => cut.counts.cone = 1,
         Role::Drawn => {
             cut.counts.missing = 1;
             cut.wishes.push(look.wish(0, f64::INFINITY));
@@ -165,25 +165,27 @@ fn enter(look: &Look, found: &Found, presence: &impl Fn(u32) -> f32, cut: &mut C
     let (split, plane) = (node.split, node.plane);
     cut.steps.push(Step { node: found.node, role: found.role, split, plane, children: [NONE; 2], radius, limit });
     match found.role {
-        Role::Beside => {
-            cut.counts.beside += 1;
+        Role::Outside => {
+            cut.counts.frustum += 1;
             return;
         }
-        Role::Away => cut.counts.away += 1,
+        Role::BackFacing => cut.counts.cone += 1,
         Role::Drawn => cut.count(found.node, node.samples, limit),
     }
 
     let ratio = look.ratio(node) / look.options.factor;
     let wanted = ratio > 1.0;
-    if !wanted && ratio <= look.options.ahead {
+    if !wanted && ratio <= look.options.prefetch {
         return;
     }
     let share = if ratio < look.options.fade { ((ratio - 1.0) / (look.options.fade - 1.0)) as f32 } else { 1.0 };
     for (side, &child) in node.children.iter().enumerate().filter(|(_, child)| **child != NONE) {
         let it = &look.index.nodes[child as usize];
-        let role = match look.role(it, radius, own) {
-            Role::Drawn => found.role,
-            role => role,
+        let role = match look.outside(it, radius, own) {
+            true => Role::Outside,
+            // All below a node faces away with it.
+            false if found.role == Role::BackFacing || look.back_facing(it) => Role::BackFacing,
+            false => Role::Drawn,
         };
         let there = presence(child);
         match (wanted, there > 0.0, role) {
@@ -191,8 +193,8 @@ fn enter(look: &Look, found: &Found, presence: &impl Fn(u32) -> f32, cut: &mut C
                 let share = share.min(found.share).min(there);
                 next.push(Found { node: child, role, above: step, side, share });
             }
-            (true, false, Role::Beside) => cut.counts.beside += 1,
-            (true, false, Role::Away) => cut.counts.away += 1,
+            (true, false, Role::Outside) => cut.counts.frustum += 1,
+            (true, false, Role::BackFacing) => cut.counts.cone += 1,
             (true, false, Role::Drawn) => {
                 cut.counts.missing += 1;
                 cut.wishes.push(look.wish(child, ratio - 1.0));

@@ -33,7 +33,7 @@ pub fn affordable(wishes: &[Wish], bytes: u64, room: Room) -> usize {
     let mut sum = 0;
     let fits = |(i, wish): &(usize, &Wish)| {
         sum += wish.bytes as u64;
-        let places = if wish.priority > 0.0 { room.wanted } else { room.ahead };
+        let places = if wish.priority > 0.0 { room.wanted } else { room.prefetch };
         (sum <= bytes || *i == 0) && *i < places as usize
     };
     wishes.iter().enumerate().take_while(fits).count()

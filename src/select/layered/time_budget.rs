@@ -9,21 +9,21 @@ const WINDOW: usize = 9;
 /// - **Outliers** (a pipeline compiled, another process): up to four of any nine in a row do not move the median out of the
 ///   range of the others.
 /// - **Band**: where n samples take a + b n seconds and each measurement is off by a factor between 1 − ε and 1 + ε, so is
-///   the rate, and frames come to last between T / (1 + ε) and T / (1 − ε) seconds and stay there.
-/// - **Convergence**: whatever number it starts from, a frame's distance from that band is at most a / T of the largest in
-///   the window before. After a device has changed its speed, five frames bring the new rate. Where a is T or more there is no
-///   such number, and the least is asked for.
+///   the rate, and frames come to last between T / (1 + ε) and T / (1 − ε) seconds and stay there, T the aim.
+/// - **Convergence**: what n is off becomes a / (a + b n) of itself, never more, so nothing overshoots; far below the aim that
+///   is a factor of T / a a window. After a device has changed its speed, five frames bring the new rate. Where a is T or more there
+///   is no such number, and the least is asked for.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Pace {
+pub struct TimeBudget {
     seconds: f64,
     /// Samples a second, the latest last; the first number of samples over the aim before anything is measured.
     rates: Vec<f64>,
 }
 
-impl Pace {
+impl TimeBudget {
     /// Aims at frames of `seconds`, more than 0, and begins with `first` samples.
-    pub fn new(seconds: f64, first: u64) -> Pace {
-        Pace { seconds, rates: vec![first as f64 / seconds] }
+    pub fn new(seconds: f64, first: u64) -> TimeBudget {
+        TimeBudget { seconds, rates: vec![first as f64 / seconds] }
     }
 
     /// A frame that drew so many samples took so long. What can be no measurement (no samples, no time) is ignored.

@@ -54,7 +54,7 @@ impl Eq for Next {}
 /// of one cut. Where even the roots are too many the answer is a factor at which nothing else is drawn.
 ///
 /// `refine` has options for all views; its factor is not used.
-pub fn fit(index: &Index, sights: &[Sight], refine: &Refine, limit: Limit, finest: f64) -> f64 {
+pub fn factor_for(index: &Index, sights: &[Sight], refine: &Refine, limit: Limit, finest: f64) -> f64 {
     let Some(root) = index.nodes.first() else { return finest };
     let look = |view: usize| Look { index, sight: &sights[view], options: refine };
     // Nodes that are counted already.
