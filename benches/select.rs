@@ -87,7 +87,7 @@ fn layered(c: &mut Criterion) {
     let mut group = c.benchmark_group("layered");
     let options = Refine { back_faces_culled: true, fade: 1.25, prefetch: 0.8, ..Refine::default() };
     for (name, distance, threshold) in
-        [("some 300 patches", 2.5, 0.5), ("some 1,000 patches", 2.5, 0.25), ("near, some 1,000 patches", 1.05, 0.35)]
+        [("whole at 1 px", 2.5, 1.0), ("whole at 0.7 px", 2.5, 0.7), ("near at 0.35 px", 1.05, 0.35)]
     {
         let sight = sight(distance, threshold);
         let mut cut = Cut::default();
