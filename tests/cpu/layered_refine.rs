@@ -300,6 +300,13 @@ fn degenerate_models_and_views_come_to_an_end() {
             assert!(cut.counts.samples <= whole, "{name}");
             assert!(cut.counts.drawn > 0 || cut.steps.iter().all(|s| s.role != Role::Drawn), "{name}");
         }
+        let sight = Sight { eye: random.vector().extend(1.0), ..any_sight(&mut random) };
+        for factor in [1.0, f64::INFINITY] {
+            let options = Refine { factor, prefetch: 0.5, ..Refine::default() };
+            let some = cut(&model, &sight, &options, |i| (i == 0) as u32 as f32);
+            assert!(some.wishes.iter().all(|w| !w.priority.is_nan()), "{name}");
+            assert!(factor == 1.0 || some.counts.visited == 1 && some.wishes.is_empty(), "{name}");
+        }
         let broken = Sight { eye: glam::DVec4::NAN, tau: f64::NAN, planes: [glam::DVec4::NAN; 5], radius_scale: 1.0 };
         assert!(cut(&model, &broken, &Refine::default(), all).counts.visited >= 1, "{name}");
     }

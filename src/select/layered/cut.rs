@@ -58,7 +58,7 @@ pub struct Counts {
 pub struct Cut {
     /// By number, so parents come before their children.
     pub steps: Vec<Step>,
-    /// Patches that are not there, in no order: with priorities above 0 what the view wants, below 0 what it may want soon.
+    /// Patches that are not there, in no order: with priorities above 0 what the view wants, others for what it may want soon.
     pub wishes: Vec<Wish>,
     /// Nodes that are there, not drawn, and may be soon.
     pub near: Vec<u32>,

@@ -35,7 +35,7 @@ pub struct Refine {
     pub back_faces_culled: bool,
     /// A child is there in full from this ratio of its parent on, at least 1; between 1 and this in proportion. 1: at once.
     pub fade: f64,
-    /// Children may be wanted soon from this ratio of their parent on, at most 1. 1: nothing is fetched ahead.
+    /// Children may be wanted soon from this ratio of their parent on, at most 1: they are fetched ahead where there is room. 1: none.
     pub prefetch: f64,
 }
 
@@ -175,7 +175,8 @@ fn enter(look: &Look, found: &Found, presence: &impl Fn(u32) -> f32, cut: &mut C
 
     let ratio = look.ratio(node) / look.options.factor;
     let wanted = ratio > 1.0;
-    if !wanted && ratio <= look.options.prefetch {
+    // An eye in the ball and an infinite factor: the factor says that this is not refined.
+    if ratio.is_nan() || !wanted && ratio <= look.options.prefetch {
         return;
     }
     let share = if ratio < look.options.fade { ((ratio - 1.0) / (look.options.fade - 1.0)) as f32 } else { 1.0 };

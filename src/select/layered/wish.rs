@@ -11,8 +11,9 @@ pub struct Wish {
     pub at: u64,
     /// Bytes of its patch in the file.
     pub bytes: u32,
-    /// By how many thresholds its parent is too coarse on the screen, times 1 in the picture's middle to ½ at its border; below
-    /// 0 for what is fetched ahead, ∞ where the eye is within the parent's ball and for the root. Never NaN.
+    /// By how many thresholds its parent is too coarse on the screen, times 1 in the picture's middle to ½ at its border: more
+    /// than 0. For what is fetched ahead by how many it is too fine, over that share, negative: 0 at most. ∞ where the eye is
+    /// within the parent's ball, and for the root. Never NaN.
     pub priority: f32,
 }
 
