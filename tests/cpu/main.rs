@@ -22,6 +22,11 @@ mod hybrid;
 mod hybrid_common;
 #[path = "../common/golden.rs"]
 mod kept;
+mod layered_budget;
+mod layered_cache;
+mod layered_common;
+mod layered_fade;
+mod layered_refine;
 mod load_bad;
 mod load_files;
 mod load_las;

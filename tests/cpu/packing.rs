@@ -315,7 +315,7 @@ fn the_reference_draws_what_is_decoded() {
         let mut list = DrawList::default();
         list.push(surfel::select::Span { instance: 0, first: 0, count: flat.len() as u32, least: 0.0 });
         let scene = reference::Scene {
-            instances: &[reference::Instance { flat, transform: DMat4::IDENTITY }],
+            instances: &[reference::Instance::points(flat, DMat4::IDENTITY)],
             list: &list,
             view: &view,
             width: 60,
