@@ -17,6 +17,7 @@ mod folder;
 mod golden;
 mod groups;
 mod groups_file;
+mod http_nginx;
 #[path = "../common/golden.rs"]
 mod kept;
 mod load_bad;
@@ -26,6 +27,8 @@ mod load_merge;
 mod load_ply;
 mod load_sample;
 mod load_synthetic;
+#[path = "../common/nginx.rs"]
+mod nginx;
 mod octree;
 mod reference_blends;
 mod reference_common;
@@ -42,3 +45,7 @@ mod scene_files;
 mod sequential;
 mod sequential_file;
 mod sequential_views;
+mod server;
+mod stream_fetch;
+mod stream_file;
+mod stream_http;
