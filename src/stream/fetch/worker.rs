@@ -96,8 +96,9 @@ impl<T> Shared<T> {
                 locked(&self.plan).returned(job, true, Instant::now());
             }
         }
-        let held = locked(&self.plan).held();
-        self.desk.end(held);
+        // Under the plan's lock, lest an older count come after a newer one.
+        let plan = locked(&self.plan);
+        self.desk.end(plan.held());
     }
 
     fn decode(&self, want: &Want, bytes: Vec<u8>) {
