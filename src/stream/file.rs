@@ -1,6 +1,7 @@
 //! A file on this machine.
 
 use std::fs::{File, Metadata};
+use std::io::ErrorKind;
 use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::Path;
 
@@ -23,9 +24,15 @@ fn stamp(of: &Metadata) -> [i64; 4] {
 
 impl FileAccess {
     /// Opens a file. One that is replaced later (a new file under the old name) is still the one that was opened.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; what is no regular file (a folder, a pipe) is `InvalidInput`.
     pub fn open(path: impl AsRef<Path>) -> Result<FileAccess> {
         let path = path.as_ref();
-        let opened = File::open(path).and_then(|file| file.metadata().map(|m| (file, m)));
+        // Asked first: opening a pipe would wait for whoever writes to it.
+        let regular = |m: Metadata| m.is_file().then_some(()).ok_or_else(|| ErrorKind::InvalidInput.into());
+        let opened = std::fs::metadata(path).and_then(regular).and_then(|()| File::open(path));
+        let opened = opened.and_then(|file| file.metadata().map(|m| (file, m)));
         let (file, metadata) = opened.map_err(|e| Error::io(path, e))?;
         let (name, size) = (path.display().to_string(), metadata.len());
         Ok(FileAccess { file, name, size, stamp: stamp(&metadata) })
@@ -47,12 +54,13 @@ impl Access for FileAccess {
 
     fn read(&self, at: u64, to: &mut [u8]) -> std::result::Result<(), Fault> {
         let refused = |e: std::io::Error| self.fault(FaultKind::Io, at, e.to_string());
-        let read = self.file.read_exact_at(to, at);
+        let beyond = at.checked_add(to.len() as u64).is_none_or(|end| end > self.size);
+        let read = if beyond { Err(ErrorKind::UnexpectedEof.into()) } else { self.file.read_exact_at(to, at) };
         if stamp(&self.file.metadata().map_err(refused)?) != self.stamp {
             return Err(self.fault(FaultKind::Changed, at, "the file was altered after it was opened".into()));
         }
         match read {
-            Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+            Err(e) if e.kind() == ErrorKind::UnexpectedEof => {
                 let why = format!("{} bytes were asked for, the file has {} in all", to.len(), self.size);
                 Err(self.fault(FaultKind::Short, at, why))
             }

@@ -43,9 +43,14 @@ fn the_reference_knows_nothing_of_the_device() {
 
 #[test]
 fn structures_and_selections_know_no_vulkan() {
-    for room in ["structure", "select", "load", "measure"] {
+    for room in ["structure", "select", "load", "measure", "stream"] {
         never(room, &["crate::gpu", "crate::draw", "crate::composite", "ash::", "vk::", "unsafe {"]);
     }
+}
+
+#[test]
+fn streams_know_only_bytes() {
+    never("stream", &["crate::load", "crate::structure", "crate::select", "crate::host", "crate::renderer"]);
 }
 
 #[test]

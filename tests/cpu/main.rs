@@ -17,6 +17,7 @@ mod folder;
 mod golden;
 mod groups;
 mod groups_file;
+mod http_nginx;
 mod hybrid;
 #[path = "../common/hybrid.rs"]
 mod hybrid_common;
@@ -34,6 +35,8 @@ mod load_merge;
 mod load_ply;
 mod load_sample;
 mod load_synthetic;
+#[path = "../common/nginx.rs"]
+mod nginx;
 mod octree;
 mod octree_file;
 mod packing;
@@ -52,3 +55,7 @@ mod scene_files;
 mod sequential;
 mod sequential_file;
 mod sequential_views;
+mod server;
+mod stream_fetch;
+mod stream_file;
+mod stream_http;
