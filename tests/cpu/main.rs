@@ -19,10 +19,14 @@ mod groups;
 mod groups_file;
 #[path = "../common/golden.rs"]
 mod kept;
+mod layered;
+mod layered_build;
+mod layered_file;
 mod load_bad;
 mod load_files;
 mod load_las;
 mod load_merge;
+mod load_pieces;
 mod load_ply;
 mod load_sample;
 mod load_synthetic;
