@@ -179,7 +179,8 @@ fn nodes_bound_what_is_below_them() {
         }
         narrow += usize::from(node.cone > 0.0);
     }
-    assert!(model.index.nodes[0].ball < 1.001, "the unit sphere's own ball");
+    // Samples move by an eighth of √(4π / 30,000) at most.
+    assert!(model.index.nodes[0].ball < 1.0 + 0.0205 / 8.0 + 1e-3, "the unit sphere's own ball");
     assert!(narrow > model.index.nodes.len() / 2, "{narrow} cones are of use");
 }
 

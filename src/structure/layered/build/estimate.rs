@@ -153,7 +153,6 @@ impl Maker<'_> {
 
     fn complete_cell(&self, cell: &Cell, facing: &Facing, found: &Spool<Found>) -> Result<()> {
         let points = cell.points.load()?;
-        // About the middle of the cell nothing is lost that was not lost before: only differences count.
         let mut cloud = PointCloud {
             positions: points.iter().map(|p| p.position.into()).collect(),
             up: facing.up,

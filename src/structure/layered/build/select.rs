@@ -139,7 +139,9 @@ pub(super) fn choose(
     let step = left.len().div_ceil(MEASURED).max(1);
     let asked: Vec<Vec3> = left.iter().step_by(step).map(|i| candidates[*i as usize]).collect();
     let near: Vec<Vec3> = above.iter().copied().chain(samples.iter().map(|i| candidates[*i as usize])).collect();
-    let mut distances = distances(&asked, &near, radius);
+    // Elimination left nothing farther than the last radius but one; random samples may be anywhere.
+    let start = if random { (near.len() as f32).sqrt().recip() } else { radius / SHRINK };
+    let mut distances = distances(&asked, &near, start);
     distances.sort_unstable_by(f32::total_cmp);
     let last = distances.len().saturating_sub(1);
     let at = |i: usize| COVER * distances.get(i).copied().unwrap_or(0.0);

@@ -15,8 +15,10 @@ use crate::structure::layered::patch::{Content, Sample};
 use crate::structure::layered::{MAX_LEVEL, MAX_SAMPLES};
 
 /// Bytes that a sample takes while its subtree is grown in memory: itself, once more while it is handed to a child, its
-/// patch (at most 24), and the nodes.
-pub(super) const GROWING: u64 = 80;
+/// patch (at most 24), and the nodes; measured below 90.
+pub(super) const GROWING: u64 = 96;
+/// No leaf's spacing is more than this times what covers its parent.
+const STRAY: f32 = 4.0;
 /// Subtrees of fewer samples are one task.
 const TASK: usize = 1 << 15;
 
@@ -248,7 +250,8 @@ impl Maker<'_> {
             let all: Vec<Vec3> = own.iter().copied().chain(above.positions.iter().map(|p| unit(*p))).collect();
             select::density(&own, &all) * side
         };
-        let most = if above.most > 0.0 { above.most } else { f32::MAX };
+        // Strays are not covered as if there were a surface between them.
+        let most = if above.most > 0.0 { (STRAY * above.most).min(f32::MAX) } else { f32::MAX };
         let spacing = if found > 0.0 { found.min(most) } else { above.most };
         let (published, total) = published(above, records.len() as u64, records.len(), spacing);
         Draft { level: above.level, centre, ball: square.sqrt(), spacing, most, published, total, ..Draft::default() }
