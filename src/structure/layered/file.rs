@@ -235,7 +235,8 @@ fn check(index: &Index, first: u64, size: u64) -> Result<(), (usize, String)> {
         }
         at += n.bytes as u64;
         let lengths = [n.ball, n.reach, n.spacing, n.published];
-        if !lengths.iter().all(|v| *v >= 0.0 && v.is_finite()) || !(n.spacing > 0.0 && n.reach > 0.0) {
+        let whole = lengths.iter().all(|v| *v >= 0.0 && v.is_finite());
+        if !(whole && n.spacing > 0.0 && n.reach > 0.0) {
             return fail("a length is no number, or negative");
         }
         if !n.centre.is_finite() || !n.axis.is_finite() || !(-1.0..=1.0).contains(&n.cone) || !n.plane.is_finite() {

@@ -14,7 +14,7 @@ mod patch;
 mod whole;
 
 #[cfg(feature = "layered")]
-pub use build::{Built, Normals, Options, Sampling, build};
+pub use build::{Built, Normals, Options, Sampling, Told, build};
 #[cfg(feature = "layered")]
 pub use file::is_model;
 pub use index::{Index, Node};

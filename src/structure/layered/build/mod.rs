@@ -61,6 +61,9 @@ impl Normals {
         &[("auto", Normals::Auto), ("input", Normals::Input), ("estimate", Normals::Estimate)];
 }
 
+/// Takes the name of the step, what of it is done and what there is to do.
+pub type Told<'a> = &'a (dyn Fn(&str, u64, u64) + Sync);
+
 /// How to build.
 #[derive(Clone, Copy)]
 pub struct Options<'a> {
@@ -84,8 +87,8 @@ pub struct Options<'a> {
     pub memory: u64,
     /// Stands for the input in errors.
     pub name: &'a str,
-    /// Told the step, what is done and what there is to do, now and then and from any thread.
-    pub progress: Option<&'a (dyn Fn(&str, u64, u64) + Sync)>,
+    /// Told now and then, from any thread.
+    pub progress: Option<Told<'a>>,
 }
 
 impl Default for Options<'_> {
