@@ -6,8 +6,10 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
+#[cfg(any(feature = "las", feature = "ply"))]
+use super::Kind;
 use super::attributes;
-use super::{Kind, MAGIC_BYTES, Options, PointCloud, Report, open, recognise};
+use super::{MAGIC_BYTES, Options, PointCloud, Report, open, recognise};
 use crate::error::{Error, Result};
 
 /// What delivers the pieces of one kind of file.

@@ -114,7 +114,8 @@ fn nothing_is_believed_because_its_checksum_is_right() {
         assert!(error.contains(what), "{error}");
     };
     let node = |i: usize, field: usize| 112 + 88 * i + field;
-    says(node(1, 60), 1, "not its parent's child");
+    says(node(0, 60), 0, "not its parent's child");
+    says(node(1, 60), 1, "a child is not its own");
     says(node(0, 52), 0, "a child is not its own");
     says(node(0, 56), 1, "a child is not its own");
     says(node(2, 64), u32::MAX, "samples, of at most");
