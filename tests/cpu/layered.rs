@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec3;
 use surfel::load::{Pieces, PointCloud, synthetic};
@@ -11,6 +12,9 @@ use surfel::structure::nodes::NONE;
 use surfel::structure::{Flat, octahedral};
 
 use crate::folder::Folder;
+
+/// Models made so far.
+static MADE: AtomicU32 = AtomicU32::new(0);
 
 /// A model on the disk, and all of it in memory.
 pub struct Model {
@@ -22,7 +26,8 @@ pub struct Model {
 
 impl Model {
     pub fn new(test: &str, cloud: &PointCloud, options: &Options) -> Model {
-        let folder = Folder::new(test);
+        // Tests run side by side in one process.
+        let folder = Folder::new(&format!("{test}-{}", MADE.fetch_add(1, Ordering::Relaxed)));
         let path = PathBuf::from(folder.path("m.lpc"));
         let built = build(vec![Pieces::of(cloud.clone())], &path, options).expect("a model");
         let access = FileAccess::open(&path).expect("the model");
