@@ -11,6 +11,7 @@ use super::camera::Named;
 use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
 use surfel::structure::groups::Relax;
+use surfel::structure::layered::{Normals, Sampling};
 use surfel::structure::nodes::ErrorRule;
 use surfel::structure::{Arrangement, Packing};
 use surfel::style::{Ellipse, Front, Interval, SumPrecision, Voronoi};
@@ -30,6 +31,8 @@ pub enum Command {
     Render(Box<RenderArgs>),
     /// Draws the picture that is right, without Vulkan: what others are measured by.
     Reference(Box<ReferenceArgs>),
+    /// Builds a layered point cloud of scans of any size, in bounded memory.
+    Build(BuildArgs),
     /// Says what is in a scan.
     Info(InfoArgs),
     /// Measures how two pictures differ.
@@ -305,11 +308,53 @@ pub struct ReferenceArgs {
     pub samples: Option<u32>,
 }
 
+/// How a layered point cloud is built.
+#[derive(Debug, Args)]
+pub struct BuildArgs {
+    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]`, that share one world and become one model.
+    #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
+    pub inputs: Vec<Input>,
+    /// The model to write. Temporary files lie beside it.
+    #[arg(short, long, value_name = "MODEL.lpc")]
+    pub output: PathBuf,
+    /// M, samples a node.
+    #[arg(long, value_name = "M", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(64..=65536))]
+    pub patch: u32,
+    /// K, candidates that a sample is chosen from.
+    #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u32).range(2..=64))]
+    pub candidates: u32,
+    /// Which candidates are kept: those that keep apart, or (as published) any.
+    #[arg(long, value_name = "elimination|random", default_value = "elimination", value_parser = axis(Sampling::ALL))]
+    pub sampling: Sampling,
+    /// Of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// How far a position may be moved, in local spacings; as published 0.5.
+    #[arg(long, value_name = "SHARE", default_value = "0.125", allow_negative_numbers = true, conflicts_with = "exact", value_parser = parse::positive)]
+    pub precision: f64,
+    /// Keeps positions, normals and radii as they are read.
+    #[arg(long)]
+    pub exact: bool,
+    /// Normals: the input's or else estimated, the input's or none, or estimated whatever it has. Where they are estimated,
+    /// missing radii are too.
+    #[arg(long, value_name = "auto|input|estimate", default_value = "auto", value_parser = axis(Normals::ALL))]
+    pub normals: Normals,
+    /// Memory to work in, such as 512M or 2G.
+    #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = parse::memory)]
+    pub memory: u64,
+    /// No progress on stderr and no table on stdout, only the model's path.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
 #[derive(Debug, Args)]
 pub struct InfoArgs {
     /// A file, or `scene:NAME[:POINTS[:SEED]]`, or a scene file (JSON).
     #[arg(value_name = "INPUT", value_parser = inputs())]
     pub input: Input,
+    /// Reads and checks every patch of a layered point cloud.
+    #[arg(long)]
+    pub verify: bool,
     /// For programs.
     #[arg(long)]
     pub json: bool,

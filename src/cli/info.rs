@@ -13,7 +13,7 @@ use super::args::InfoArgs;
 use super::parse::Input;
 use super::progress::Progress;
 use super::report::grouped;
-use super::{Outcome, input, scene_file};
+use super::{Outcome, input, layered, scene_file};
 
 /// Reads and tells.
 pub fn run(args: &InfoArgs) -> Result<Outcome> {
@@ -21,6 +21,14 @@ pub fn run(args: &InfoArgs) -> Result<Outcome> {
         && scene_file::is_scene(&args.input)
     {
         return scene(path, args.json);
+    }
+    if let Input::File(path) = &args.input
+        && layered::is_model(&args.input)
+    {
+        return layered::info(path, args);
+    }
+    if args.verify {
+        return Err(layered::no_model());
     }
     let cloud = input::read(&args.input, &Progress::new(args.json))?;
     let name = name(&args.input);

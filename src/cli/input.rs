@@ -3,8 +3,9 @@
 use anyhow::{Result, bail};
 use glam::DVec3;
 
-use surfel::load::{self, Bounds, PointCloud, synthetic};
+use surfel::load::{self, Bounds, PointCloud, Report, synthetic};
 
+use super::layered;
 use super::memory;
 use super::parse::{Input, MAX_POINTS};
 use super::progress::Progress;
@@ -24,6 +25,7 @@ fn read_all(input: &Input, progress: &Progress) -> Result<PointCloud> {
         bail!("{}: a scene file is for render, reference and info", path.display());
     }
     match input {
+        Input::File(path) if layered::is_model(input) => layered::cloud(path, progress),
         Input::File(path) => {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             let step = progress.step(format!("read {name}"), 1);
@@ -99,13 +101,18 @@ pub fn balls(clouds: &[PointCloud], bounds: &Bounds) -> Vec<Ball> {
     balls
 }
 
+/// One sentence for each thing that a report tells.
+pub fn lines(report: &Report) -> impl Iterator<Item = String> {
+    let dropped = report.dropped.iter().map(|(why, n)| format!("{n} left out: {why}"));
+    let repaired = report.repaired.iter().map(|(why, n)| format!("{n} repaired: {why}"));
+    dropped.chain(repaired).chain(report.assumed.iter().cloned())
+}
+
 /// One sentence for each thing that happened between the files and the clouds.
 pub fn sentences(clouds: &[PointCloud]) -> Vec<String> {
     let mut all: Vec<String> = Vec::new();
     for report in clouds.iter().map(|c| &c.report) {
-        let dropped = report.dropped.iter().map(|(why, n)| format!("{n} left out: {why}"));
-        let repaired = report.repaired.iter().map(|(why, n)| format!("{n} repaired: {why}"));
-        for line in dropped.chain(repaired).chain(report.assumed.iter().cloned()) {
+        for line in lines(report) {
             if !all.contains(&line) {
                 all.push(line);
             }

@@ -5,6 +5,7 @@
 
 mod args;
 mod bench;
+mod build;
 mod camera;
 mod color;
 mod compare;
@@ -12,6 +13,7 @@ mod devices;
 mod frames;
 mod info;
 mod input;
+mod layered;
 mod look;
 mod memory;
 mod output;
@@ -67,6 +69,7 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Render(args) => render::run(&args),
         Command::Reference(args) => reference::run(&args),
+        Command::Build(args) => build::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench::run(&args),

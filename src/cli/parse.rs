@@ -81,6 +81,17 @@ fn count(text: &str) -> Result<usize, String> {
         .ok_or_else(|| format!("{text:?} is not a number of points: 1 to {MAX_POINTS}, such as 200000, 200k or 2M"))
 }
 
+/// Bytes: a whole number, or one with `M` or `G` behind it; 64M at least.
+pub fn memory(text: &str) -> Result<u64, String> {
+    let (digits, unit) = match text.as_bytes().last() {
+        Some(b'm' | b'M') => (&text[..text.len() - 1], 1 << 20),
+        Some(b'g' | b'G') => (&text[..text.len() - 1], 1 << 30),
+        _ => (text, 1),
+    };
+    let bytes = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(unit)).filter(|n| *n >= 64 << 20);
+    bytes.ok_or_else(|| format!("{text:?} is no amount of memory: 64M or more, such as 512M or 2G"))
+}
+
 /// `1280x720`.
 pub fn size(text: &str) -> Result<[u32; 2], String> {
     let parse = |t: &str| t.parse::<u32>().ok().filter(|n| *n > 0);

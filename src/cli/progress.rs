@@ -20,7 +20,7 @@ impl Progress {
             return Step(ProgressBar::hidden());
         }
         let bar = ProgressBar::with_draw_target(Some(total.max(1)), ProgressDrawTarget::stderr());
-        if let Ok(style) = ProgressStyle::with_template("{msg:32!} [{bar:40}] {percent:>3} %  {elapsed}") {
+        if let Ok(style) = ProgressStyle::with_template("{msg:32!} [{bar:40}] {percent:>3} %  {elapsed}, {eta} left") {
             bar.set_style(style.progress_chars("=> "));
         }
         bar.set_message(name.into());

@@ -14,6 +14,8 @@ mod copies;
 #[cfg(feature = "las")]
 mod las;
 mod merge;
+#[cfg(feature = "layered")]
+mod pieces;
 #[cfg(feature = "ply")]
 mod ply;
 mod sample;
@@ -28,6 +30,8 @@ pub use bounds::Bounds;
 pub use cloud::{Mesh, PointCloud, Report};
 pub use copies::{COPIES, thin_copies};
 pub use merge::merge;
+#[cfg(feature = "layered")]
+pub use pieces::Pieces;
 pub use sample::sample_mesh;
 
 use crate::error::{Error, Place, Result};

@@ -87,6 +87,12 @@ pub(super) fn read(file: &Path, source: &mut dyn Source) -> Result<Header> {
 }
 
 impl Header {
+    /// For the report.
+    pub(super) fn kind(&self) -> String {
+        let name = if self.is_compressed { "LAZ" } else { "LAS" };
+        format!("{name} {}.{} format {}", self.version.0, self.version.1, self.format)
+    }
+
     /// The content of the variable-length record `user`/`id`, which lies between the header and the points.
     pub(super) fn record(&self, source: &mut dyn Source, user: &str, id: u16) -> std::io::Result<Option<Vec<u8>>> {
         let mut at = self.first_record;

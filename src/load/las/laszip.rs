@@ -5,6 +5,7 @@
 //! kilobytes must not fill the memory.
 
 use std::io::{Cursor, Read, SeekFrom};
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -35,6 +36,73 @@ struct Chunk {
     first: u64,
 }
 
+/// The chunks of a file, and what decodes them.
+pub(super) struct Chunks {
+    vlr: LazVlr,
+    layers: usize,
+    chunks: Vec<Chunk>,
+    /// The oldest kind: all points are one chunk.
+    pub(super) is_one: bool,
+}
+
+impl Chunks {
+    pub(super) fn open(file: &Path, source: &mut dyn Source, header: &Header) -> Result<Chunks> {
+        let io = |e| Error::io(file, e);
+        let fail = |why: String| Error::data(file, Place::File, why);
+        let record = header.record(source, LazVlr::USER_ID, LazVlr::RECORD_ID).map_err(io)?;
+        let record = record.ok_or_else(|| fail("the points are compressed but there is no LASzip record".into()))?;
+        let vlr = LazVlr::from_buffer(&record).map_err(|e| fail(format!("the LASzip record is broken: {e}")))?;
+        let layers = check_items(&vlr, &header.layout).map_err(fail)?;
+        if header.points > ANYWAY + POINTS_A_BYTE * header.file_bytes {
+            return Err(fail(format!("{} points cannot be in {} bytes", header.points, header.file_bytes)));
+        }
+        // The compressor's kind is not public; it is the first number of the record.
+        let is_one = record.first() == Some(&1);
+        let chunks = match is_one {
+            true => vec![Chunk {
+                at: header.first_point,
+                bytes: header.file_bytes - header.first_point,
+                number: header.points,
+                first: 0,
+            }],
+            false => chunks(file, source, header, &vlr)?,
+        };
+        Ok(Chunks { vlr, layers, chunks, is_one })
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.chunks.len()
+    }
+
+    /// Decodes consecutive chunks side by side.
+    pub(super) fn decode(
+        &self,
+        file: &Path,
+        source: &mut dyn Source,
+        layout: &Layout,
+        which: Range<usize>,
+    ) -> Result<Vec<Block>> {
+        let batch = &self.chunks[which];
+        let (Some(first), Some(last)) = (batch.first(), batch.last()) else { return Ok(Vec::new()) };
+        let (start, end) = (first.at, last.at + last.bytes);
+        let mut buffer = vec![0; (end - start) as usize];
+        source.seek(SeekFrom::Start(start)).map_err(|e| Error::io(file, e))?;
+        source.read_exact(&mut buffer).map_err(|e| Error::io(file, e))?;
+        let blocks = par::map(batch, |chunk| {
+            let from = (chunk.at - start) as usize;
+            let bytes = &buffer[from..from + chunk.bytes as usize];
+            // The last fence: on corrupt streams `laz` 0.13 indexes out of its tables, and there is no way to check the
+            // stream without decoding it. Nothing of the decoder survives the panic.
+            catch_unwind(AssertUnwindSafe(|| decode(bytes, chunk.number, &self.vlr, self.layers, layout)))
+                .unwrap_or_else(|_| Err((0, "the compressed stream is corrupt".into())))
+        });
+        let placed = |(block, chunk): (Result<Block, (u64, String)>, &Chunk)| {
+            block.map_err(|(done, why)| Error::data(file, Place::Element("point", chunk.first + done), why))
+        };
+        blocks.into_iter().zip(batch).map(placed).collect()
+    }
+}
+
 pub(super) fn read(
     file: &Path,
     source: &mut dyn Source,
@@ -42,46 +110,13 @@ pub(super) fn read(
     out: &mut Points,
     options: &Options,
 ) -> Result<()> {
-    let io = |e| Error::io(file, e);
-    let fail = |why: String| Error::data(file, Place::File, why);
-    let record = header.record(source, LazVlr::USER_ID, LazVlr::RECORD_ID).map_err(io)?;
-    let record = record.ok_or_else(|| fail("the points are compressed but there is no LASzip record".into()))?;
-    let vlr = LazVlr::from_buffer(&record).map_err(|e| fail(format!("the LASzip record is broken: {e}")))?;
-    let layers = check_items(&vlr, &header.layout).map_err(fail)?;
-    if header.points > ANYWAY + POINTS_A_BYTE * header.file_bytes {
-        return Err(fail(format!("{} points cannot be in {} bytes", header.points, header.file_bytes)));
-    }
-    // The compressor's kind is not public; it is the first number of the record.
-    let one_chunk = record.first() == Some(&1);
-    let chunks = match one_chunk {
-        true => vec![Chunk {
-            at: header.first_point,
-            bytes: header.file_bytes - header.first_point,
-            number: header.points,
-            first: 0,
-        }],
-        false => chunks(file, source, header, &vlr)?,
-    };
-    // The check above makes this a fixed multiple of the file at most.
+    let chunks = Chunks::open(file, source, header)?;
+    // The check of their number makes this a fixed multiple of the file at most.
     out.reserve(header.points.min(header.file_bytes));
-    let mut buffer = Vec::new();
-    for batch in chunks.chunks(4 * par::width()) {
-        let (start, end) = (batch[0].at, batch[batch.len() - 1].at + batch[batch.len() - 1].bytes);
-        buffer.resize((end - start) as usize, 0);
-        source.seek(SeekFrom::Start(start)).map_err(io)?;
-        source.read_exact(&mut buffer).map_err(io)?;
-        let blocks = par::map(batch, |chunk| {
-            let from = (chunk.at - start) as usize;
-            let bytes = &buffer[from..from + chunk.bytes as usize];
-            // The last fence: on corrupt streams `laz` 0.13 indexes out of its tables, and there is no way to check the
-            // stream without decoding it. Nothing of the decoder survives the panic.
-            catch_unwind(AssertUnwindSafe(|| decode(bytes, chunk.number, &vlr, layers, &header.layout)))
-                .unwrap_or_else(|_| Err((0, "the compressed stream is corrupt".into())))
-        });
-        for (block, chunk) in blocks.into_iter().zip(batch) {
-            let place = |done| Place::Element("point", chunk.first + done);
-            out.push(block.map_err(|(done, why)| Error::data(file, place(done), why))?);
-        }
+    let step = 4 * par::width();
+    for first in (0..chunks.len()).step_by(step) {
+        let which = first..chunks.len().min(first + step);
+        chunks.decode(file, source, &header.layout, which)?.into_iter().for_each(|block| out.push(block));
         options.report(out.seen(), header.points);
     }
     Ok(())

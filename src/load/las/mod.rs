@@ -6,6 +6,8 @@
 
 mod header;
 mod laszip;
+#[cfg(feature = "layered")]
+mod pieces;
 mod points;
 
 use std::io::SeekFrom;
@@ -17,7 +19,9 @@ use super::{Options, PointCloud, Source, clean};
 use crate::error::{Error, Place, Result};
 use crate::par;
 use header::Header;
-use points::Points;
+#[cfg(feature = "layered")]
+pub(super) use pieces::pieces;
+use points::{Block, Points};
 
 /// Records decoded as one task.
 const BLOCK: u64 = 1 << 16;
@@ -26,48 +30,63 @@ pub(super) fn read(file: &Path, source: &mut dyn Source, options: &Options) -> R
     let header = header::read(file, source)?;
     options.report(0, header.points);
     let mut points = Points::default();
-    let compressed = match header.is_compressed {
-        true => Some(laszip::read(file, source, &header, &mut points, options)?),
-        false => {
-            plain(file, source, &header, &mut points, options)?;
-            None
-        }
-    };
-    let mut cloud = cloud(file, &header, points)?;
-    let kind = if compressed.is_some() { "LAZ" } else { "LAS" };
-    cloud.report.format = format!("{kind} {}.{} format {}", header.version.0, header.version.1, header.format);
+    match header.is_compressed {
+        true => laszip::read(file, source, &header, &mut points, options)?,
+        false => plain(file, source, &header, &mut points, options)?,
+    }
+    let samples: Vec<[i32; 3]> = clean::sample(points.xyz.len()).map(|i| points.xyz[i]).collect();
+    let mut cloud = cloud(file, &header, points, middle(&samples))?;
+    cloud.report.format = header.kind();
     options.report(header.points, header.points);
     super::finish(cloud, file)
 }
 
-/// Uncompressed records, a few blocks at a time.
-fn plain(file: &Path, source: &mut dyn Source, header: &Header, out: &mut Points, options: &Options) -> Result<()> {
-    let length = u64::from(header.layout.length);
-    let whole = (header.file_bytes - header.first_point) / length;
+/// Whether all uncompressed records are there.
+fn complete(file: &Path, header: &Header) -> Result<()> {
+    let whole = (header.file_bytes - header.first_point) / u64::from(header.layout.length);
     if whole < header.points {
         let why = format!("the file ends here; the header promises {}", header.points);
         return Err(Error::data(file, Place::Element("point", whole), why));
     }
-    source.seek(SeekFrom::Start(header.first_point)).map_err(|e| Error::io(file, e))?;
+    Ok(())
+}
+
+/// Uncompressed records, a few blocks at a time.
+fn plain(file: &Path, source: &mut dyn Source, header: &Header, out: &mut Points, options: &Options) -> Result<()> {
+    complete(file, header)?;
     out.reserve(header.points);
-    let mut buffer = Vec::new();
+    let step = BLOCK * par::width() as u64;
     let mut done = 0;
     while done < header.points {
-        let n = (header.points - done).min(BLOCK * par::width() as u64);
-        buffer.resize((n * length) as usize, 0);
-        source.read_exact(&mut buffer).map_err(|e| Error::io(file, e))?;
-        let blocks: Vec<&[u8]> = buffer.chunks((BLOCK * length) as usize).collect();
-        for block in par::map(&blocks, |bytes| points::decode(bytes, &header.layout)) {
-            out.push(block);
-        }
+        let n = (header.points - done).min(step);
+        records(file, source, header, done, n)?.into_iter().for_each(|block| out.push(block));
         done += n;
         options.report(done, header.points);
     }
     Ok(())
 }
 
-/// Integers become offsets: the origin is an integer place too, so the difference is exact before the only rounding.
-fn cloud(file: &Path, header: &Header, points: Points) -> Result<PointCloud> {
+/// `n` uncompressed records from number `first` on.
+fn records(file: &Path, source: &mut dyn Source, header: &Header, first: u64, n: u64) -> Result<Vec<Block>> {
+    let length = u64::from(header.layout.length);
+    let mut buffer = vec![0; (n * length) as usize];
+    source.seek(SeekFrom::Start(header.first_point + first * length)).map_err(|e| Error::io(file, e))?;
+    source.read_exact(&mut buffer).map_err(|e| Error::io(file, e))?;
+    let blocks: Vec<&[u8]> = buffer.chunks((BLOCK * length) as usize).collect();
+    Ok(par::map(&blocks, |bytes| points::decode(bytes, &header.layout)))
+}
+
+/// The middle of most of these.
+fn middle(samples: &[[i32; 3]]) -> [i64; 3] {
+    [0, 1, 2].map(|axis| {
+        let mut values: Vec<i64> = samples.iter().map(|xyz| xyz[axis].into()).collect();
+        clean::core_range(&mut values, i64::cmp).map_or(0, |(low, high)| (low + high) / 2)
+    })
+}
+
+/// Integers become offsets: the origin, at `middle`, is an integer place too, so the difference is exact before the only
+/// rounding.
+fn cloud(file: &Path, header: &Header, points: Points, middle: [i64; 3]) -> Result<PointCloud> {
     let mut cloud = PointCloud { up: Some(Vec3::Z), ..Default::default() };
     let report = &mut cloud.report;
     report.points_in_file = header.points;
@@ -76,10 +95,6 @@ fn cloud(file: &Path, header: &Header, points: Points) -> Result<PointCloud> {
         report.assume(format!("{} points flagged as synthetic are kept", points.synthetic));
     }
     let scale = DVec3::from_array(header.scale);
-    let middle = [0, 1, 2].map(|axis| {
-        let mut values: Vec<i64> = clean::sample(points.xyz.len()).map(|i| points.xyz[i][axis].into()).collect();
-        clean::core_range(&mut values, i64::cmp).map_or(0, |(low, high)| (low + high) / 2)
-    });
     cloud.origin = DVec3::from_array(header.offset) + scale * DVec3::from_array(middle.map(|m| m as f64));
     if !cloud.origin.is_finite() {
         return Err(Error::data(

@@ -84,6 +84,12 @@ impl Points {
         self.classes.reserve_exact(n);
     }
 
+    /// No points yet, of a file of which a sample is known.
+    #[cfg(feature = "layered")]
+    pub(super) fn like(sample: &Points) -> Points {
+        Points { wide_color: sample.wide_color, any_color: sample.any_color, ..Points::default() }
+    }
+
     /// Decoded so far, dropped ones included.
     pub(super) fn seen(&self) -> u64 {
         self.xyz.len() as u64 + self.withheld

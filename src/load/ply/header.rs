@@ -16,7 +16,7 @@ use std::path::Path;
 use crate::error::{Error, Place, Result};
 
 /// A header that is longer is refused: 64 KiB.
-const MAX_HEADER: usize = 64 << 10;
+pub(super) const MAX_HEADER: usize = 64 << 10;
 /// So is a line of more than 4 KiB.
 const MAX_LINE: usize = 4 << 10;
 

@@ -4,6 +4,8 @@ mod ascii;
 mod faces;
 mod header;
 mod listed;
+#[cfg(feature = "layered")]
+mod pieces;
 mod repair;
 mod splat;
 mod table;
@@ -16,6 +18,8 @@ use crate::error::{Error, Place, Result};
 use ascii::Lines;
 use faces::Faces;
 use header::{Element, Encoding, Header};
+#[cfg(feature = "layered")]
+pub(super) use pieces::pieces;
 use table::Table;
 
 /// Reads a whole file.

@@ -25,6 +25,12 @@ pub(super) fn is_known(name: &str) -> bool {
         || splat::is_known(name)
 }
 
+/// Whether a column is a channel of a colour.
+#[cfg(feature = "layered")]
+pub(super) fn is_color(name: &str) -> bool {
+    COLORS.as_flattened().contains(&name)
+}
+
 /// Names the columns that nothing is made of.
 pub(super) fn note_unused(vertex: &Element, report: &mut Report) {
     let is_splat = splat::NAMES.iter().all(|n| vertex.properties.iter().any(|p| p.name == *n));
@@ -54,7 +60,12 @@ pub(super) fn cloud(file: &Path, rows: &Table) -> Result<PointCloud> {
     let Some(xyz) = rows.fields(["x", "y", "z"]) else {
         return Err(Error::data(file, Place::File, "the vertices have no position"));
     };
-    let mut cloud = PointCloud { origin: origin(rows, xyz), ..Default::default() };
+    about(rows, xyz, origin(rows, xyz))
+}
+
+/// The same with offsets from an origin that is given.
+pub(super) fn about(rows: &Table, xyz: [Field; 3], origin: DVec3) -> Result<PointCloud> {
+    let mut cloud = PointCloud { origin, ..Default::default() };
     cloud.positions = vectors(rows, xyz, cloud.origin);
     note_lost(rows, xyz, &mut cloud);
     if splat::read(rows, &mut cloud) {
@@ -87,9 +98,14 @@ pub(super) fn cloud(file: &Path, rows: &Table) -> Result<PointCloud> {
 fn origin(rows: &Table, xyz: [Field; 3]) -> DVec3 {
     let points: Vec<DVec3> =
         clean::sample(rows.rows()).map(|i| DVec3::from_array(xyz.map(|field| rows.at(field, i)))).collect();
+    origin_of(&points, xyz)
+}
+
+/// The origin for a sample of positions.
+pub(super) fn origin_of(points: &[DVec3], xyz: [Field; 3]) -> DVec3 {
     // Integers up to 16 bits are exact in f32 as well.
     let narrow = xyz.iter().all(|f| !matches!(f.ty, Scalar::F64 | Scalar::I32 | Scalar::U32));
-    clean::origin(&points, narrow)
+    clean::origin(points, narrow)
 }
 
 /// Three columns as vectors, `origin` subtracted in f64 before the rounding.

@@ -17,6 +17,15 @@ pub struct Index {
     pub colors: bool,
     /// See [`PointCloud::closed`](crate::load::PointCloud::closed).
     pub closed: bool,
+    /// Which way is up, where the input said so.
+    pub up: Option<Vec3>,
+    /// Whether patches hold every attribute as it was given.
+    pub exact: bool,
+    /// Steps that coordinates are whole multiples of along x, y and z, where an exact model came from integers \[world
+    /// units\].
+    pub lattice: Option<DVec3>,
+    /// The file's path or address, for messages.
+    pub name: String,
 }
 
 /// A patch, without its samples. Lengths are world units, relative to the index's origin.

@@ -1,0 +1,305 @@
+//! The recursion: which sample goes to which node. The same for a part in memory and one in a file.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::Vec3;
+
+use super::finish::{Draft, Grown};
+use super::region::{Cut, Region};
+use super::select::{self, Chosen};
+use super::spool::{BUFFER, Folder, Spool, Writer};
+use super::{Options, Sampling};
+use crate::error::{Error, Place, Result};
+use crate::rng::Rng;
+use crate::structure::layered::patch::{Content, Sample};
+use crate::structure::layered::{MAX_LEVEL, MAX_SAMPLES};
+
+/// Bytes that a sample takes while its subtree is grown in memory: itself, once more while it is handed to a child, its
+/// patch (at most 24), and the nodes; measured below 90.
+pub(super) const GROWING: u64 = 96;
+/// No leaf's spacing is more than this times what covers its parent.
+const STRAY: f32 = 4.0;
+/// Subtrees of fewer samples are one task.
+const TASK: usize = 1 << 15;
+
+/// What all parts of one model share.
+pub(super) struct Maker<'a> {
+    pub options: &'a Options<'a>,
+    pub content: Content,
+    pub folder: std::sync::Arc<Folder>,
+    /// Samples in all, and in finished nodes.
+    pub total: u64,
+    pub done: AtomicU64,
+}
+
+/// What a node knows from above.
+pub(super) struct Above {
+    /// The ancestors' samples on its side of every cut.
+    pub positions: Vec<[f32; 3]>,
+    pub level: u8,
+    /// Least distance of the parent's samples \[world units\]; 0 for the root.
+    pub radius: f32,
+    /// What covers all of the parent's region; 0 where that is not known.
+    pub most: f32,
+    /// r of the parent, its M_tot, and N − M: equations 1 and 2.
+    pub published: f32,
+    pub total: f64,
+    pub rest: f64,
+    /// Of the random numbers.
+    pub seed: u64,
+}
+
+impl Above {
+    pub fn root(seed: u64) -> Above {
+        Above { positions: vec![], level: 0, radius: 0.0, most: 0.0, published: 0.0, total: 0.0, rest: 0.0, seed }
+    }
+}
+
+/// An inner node before its children are.
+struct Inner {
+    draft: Draft,
+    cut: Cut,
+    /// Of the part, ascending: which records are its samples.
+    taken: Vec<u64>,
+}
+
+/// The records of a part, dealt out.
+struct Dealt {
+    own: Vec<Sample>,
+    regions: [Region; 2],
+    /// Distance of the farthest record from the centre.
+    ball: f32,
+}
+
+impl Inner {
+    /// Hands out records from number `first` on.
+    fn deal(&self, first: u64, records: &[Sample], dealt: &mut Dealt, mut give: impl FnMut(usize, &Sample)) {
+        let mut taken = self.taken[self.taken.partition_point(|t| *t < first)..].iter().map(|t| *t - first).peekable();
+        let mut square = dealt.ball * dealt.ball;
+        for (i, record) in records.iter().enumerate() {
+            square = square.max(self.draft.centre.distance_squared(record.position.into()));
+            if taken.next_if_eq(&(i as u64)).is_some() {
+                dealt.own.push(*record);
+            } else {
+                let side = self.cut.side(record.position);
+                dealt.regions[side].add(record.position);
+                give(side, record);
+            }
+        }
+        dealt.ball = square.sqrt();
+    }
+
+    fn dealt(&self) -> Dealt {
+        Dealt { own: Vec::with_capacity(self.taken.len()), regions: [Region::EMPTY; 2], ball: 0.0 }
+    }
+}
+
+impl Maker<'_> {
+    /// A part in a file: in memory as soon as it fits.
+    pub fn grow(
+        &self,
+        part: Spool<Sample>,
+        region: Region,
+        above: Above,
+        patches: &mut Writer<u8>,
+    ) -> Result<Box<Grown>> {
+        let n = part.count();
+        if n.saturating_mul(GROWING) <= self.room() || n <= self.options.samples as u64 {
+            let records = part.load()?;
+            drop(part);
+            let mut grown = self.grow_here(records, region, above)?;
+            grown.flush(patches)?;
+            return Ok(grown);
+        }
+        let inner = self.inner(n, &region, &above, |picks| {
+            let mut one = [Sample { position: [0.0; 3], radius: 0.0, normal: 0, color: 0 }];
+            picks.iter().map(|i| part.read(*i, &mut one).map(|()| one[0].position)).collect()
+        })?;
+        let Some(inner) = inner else { return Err(self.heap(n, &region)) };
+        let mut dealt = inner.dealt();
+        let mut writers = [self.folder.writer()?, self.folder.writer()?];
+        let mut wrong = Ok(());
+        let mut buffers: [Vec<Sample>; 2] = Default::default();
+        part.each(|first, records| {
+            inner.deal(first, records, &mut dealt, |side, record| buffers[side].push(*record));
+            for (writer, buffer) in writers.iter_mut().zip(&mut buffers) {
+                writer.push(buffer)?;
+                buffer.clear();
+            }
+            Ok(())
+        })?;
+        drop((part, buffers));
+        let [first, second] = writers;
+        let spools = [first.finish()?, second.finish()?];
+        let mut children = [None, None];
+        for (side, spool) in spools.into_iter().enumerate() {
+            if spool.count() > 0 && wrong.is_ok() {
+                let below = inner.below(side, &dealt, &above, n);
+                match self.grow(spool, dealt.regions[side], below, patches) {
+                    Ok(grown) => children[side] = Some(grown),
+                    Err(e) => wrong = Err(e),
+                }
+            }
+        }
+        wrong?;
+        let mut grown = self.complete(inner, dealt, children)?;
+        grown.flush(patches)?;
+        Ok(grown)
+    }
+
+    /// Bytes for a part in memory: what buffers of files do not need.
+    fn room(&self) -> u64 {
+        self.options.memory.saturating_sub(16 * BUFFER as u64)
+    }
+
+    /// A part in memory. Subtrees are grown side by side.
+    pub fn grow_here(&self, records: Vec<Sample>, region: Region, above: Above) -> Result<Box<Grown>> {
+        let n = records.len();
+        let picked = |picks: &[u64]| Ok(picks.iter().map(|i| records[*i as usize].position).collect());
+        let Some(inner) = self.inner(n as u64, &region, &above, picked)? else {
+            if n > MAX_SAMPLES as usize {
+                return Err(self.heap(n as u64, &region));
+            }
+            let draft = self.leaf(&records, &region, &above);
+            return self.finish(draft, records, [None, None]);
+        };
+        let mut dealt = inner.dealt();
+        let low = records.iter().filter(|r| inner.cut.side(r.position) == 0).count();
+        let mut parts = [Vec::with_capacity(low), Vec::with_capacity(n - low)];
+        inner.deal(0, &records, &mut dealt, |side, record| parts[side].push(*record));
+        drop(records);
+        let [first, second] = parts;
+        let child = |side: usize, part: Vec<Sample>| -> Result<Option<Box<Grown>>> {
+            if part.is_empty() {
+                return Ok(None);
+            }
+            let below = inner.below(side, &dealt, &above, n as u64);
+            self.grow_here(part, dealt.regions[side], below).map(Some)
+        };
+        let (first, second) = match n > TASK {
+            true => rayon::join(|| child(0, first), || child(1, second)),
+            false => (child(0, first), child(1, second)),
+        };
+        let children = [first?, second?];
+        self.complete(inner, dealt, children)
+    }
+
+    fn complete(&self, inner: Inner, dealt: Dealt, children: [Option<Box<Grown>>; 2]) -> Result<Box<Grown>> {
+        let mut draft = inner.draft;
+        draft.ball = dealt.ball;
+        draft.cut = Some(inner.cut);
+        self.finish(draft, dealt.own, children)
+    }
+
+    /// More records at one place, or deeper down than levels go, than a patch holds.
+    fn heap(&self, n: u64, region: &Region) -> Error {
+        let at = region.centre();
+        let why = format!("{n} points lie about {at} of the origin, too close to tell apart: at most {MAX_SAMPLES}");
+        Error::data(self.options.name, Place::File, why)
+    }
+
+    /// Draws candidates of a part of `n` records and chooses; `None` for a leaf. `picked` has the positions of records.
+    fn inner(
+        &self,
+        n: u64,
+        region: &Region,
+        above: &Above,
+        picked: impl FnOnce(&[u64]) -> Result<Vec<[f32; 3]>>,
+    ) -> Result<Option<Inner>> {
+        let wanted = self.options.samples as usize;
+        let cut = region.cut().filter(|_| n > wanted as u64 && above.level < MAX_LEVEL);
+        let Some(cut) = cut else { return Ok(None) };
+        let mut rng = Rng::new(above.seed);
+        let picks = candidates(n, wanted as u64 * self.options.candidates as u64, &mut rng);
+        let side = region.extent();
+        let unit = |p: &[f32; 3]| region.unit(*p);
+        let places: Vec<Vec3> = picked(&picks)?.iter().map(unit).collect();
+        let near: Vec<Vec3> = above.positions.iter().map(unit).collect();
+        // Without a parent: as far as so many points can lie apart in a cube.
+        let radius = if above.radius > 0.0 { above.radius / side } else { 1.5 / (wanted as f32).cbrt() };
+        let random = self.options.sampling == Sampling::Random;
+        let Chosen { samples, spacing, most, radius } =
+            select::choose(&places, &near, wanted, radius.min(2.0), random, &mut rng);
+        let (spacing, most) = (spacing * side, most * side);
+        let (published, total) = published(above, n, wanted, spacing);
+        let draft = Draft {
+            level: above.level,
+            centre: region.centre(),
+            spacing,
+            most,
+            radius: radius * side,
+            published,
+            total,
+            ..Draft::default()
+        };
+        Ok(Some(Inner { draft, cut, taken: samples.iter().map(|c| picks[*c as usize]).collect() }))
+    }
+
+    fn leaf(&self, records: &[Sample], region: &Region, above: &Above) -> Draft {
+        let centre = region.centre();
+        let square = records.iter().map(|r| centre.distance_squared(r.position.into())).fold(0.0, f32::max);
+        let mut radii: Vec<f32> = records.iter().map(|r| r.radius).filter(|r| *r > 0.0).collect();
+        let found = if radii.len() == records.len() {
+            // Nine in ten are no larger.
+            let at = (radii.len() - 1) * 9 / 10;
+            *radii.select_nth_unstable_by(at, f32::total_cmp).1
+        } else {
+            let side = region.extent().max(above.most).max(f32::MIN_POSITIVE);
+            let unit = |p: [f32; 3]| ((Vec3::from(p).as_dvec3() - centre.as_dvec3()) / side as f64).as_vec3();
+            let own: Vec<Vec3> = records.iter().map(|r| unit(r.position)).collect();
+            let all: Vec<Vec3> = own.iter().copied().chain(above.positions.iter().map(|p| unit(*p))).collect();
+            select::density(&own, &all) * side
+        };
+        // Strays are not covered as if there were a surface between them.
+        let most = if above.most > 0.0 { (STRAY * above.most).min(f32::MAX) } else { f32::MAX };
+        let spacing = if found > 0.0 { found.min(most) } else { above.most };
+        let (published, total) = published(above, records.len() as u64, records.len(), spacing);
+        Draft { level: above.level, centre, ball: square.sqrt(), spacing, most, published, total, ..Draft::default() }
+    }
+
+    /// So many samples more are in their patches.
+    pub fn count(&self, samples: usize) {
+        let done = self.done.fetch_add(samples as u64, Ordering::Relaxed) + samples as u64;
+        self.options.report("tree", done, self.total);
+    }
+}
+
+impl Inner {
+    /// What a child knows from above.
+    fn below(&self, side: usize, dealt: &Dealt, above: &Above, n: u64) -> Above {
+        let own = dealt.own.iter().map(|s| s.position);
+        let positions = above.positions.iter().copied().chain(own).filter(|p| self.cut.side(*p) == side).collect();
+        Above {
+            positions,
+            level: above.level + 1,
+            radius: self.draft.radius,
+            most: self.draft.most,
+            published: self.draft.published,
+            total: self.draft.total,
+            rest: n as f64 - self.taken.len() as f64,
+            seed: Rng::new(above.seed ^ (side as u64 + 1)).bits(),
+        }
+    }
+}
+
+/// r and M_tot of a node of `n` records and `m` samples by equations 1 and 2. The root's r is its measured spacing.
+fn published(above: &Above, n: u64, m: usize, spacing: f32) -> (f32, f64) {
+    if above.level == 0 {
+        return (spacing, m as f64);
+    }
+    let share = n as f64 / above.rest;
+    let total = share * above.total + m as f64;
+    ((above.published as f64 * (share * above.total / total).sqrt()) as f32, total)
+}
+
+/// Numbers of about `wanted` of `n` records, ascending: one at random in each of so many equal runs. Neighbours in the
+/// input mostly are neighbours in space, so that this is more even than any `wanted` of them, and needs no pass of its own.
+fn candidates(n: u64, wanted: u64, rng: &mut Rng) -> Vec<u64> {
+    if n <= wanted {
+        return (0..n).collect();
+    }
+    let run = n as f64 / wanted as f64;
+    let mut picks: Vec<u64> = (0..wanted).map(|i| (((i as f64 + rng.unit()) * run) as u64).min(n - 1)).collect();
+    picks.dedup();
+    picks
+}

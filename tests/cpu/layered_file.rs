@@ -1,0 +1,170 @@
+//! Layered point clouds in files: whole, or a clear error.
+
+use std::sync::Mutex;
+
+use surfel::Error;
+use surfel::load::PointCloud;
+use surfel::stream::{Access, Fault, FaultKind};
+use surfel::structure::Index;
+use surfel::structure::layered::{Options, Patch, verify};
+
+use crate::layered::{Model, scene};
+
+/// A file in memory that counts its reads.
+#[derive(Debug)]
+struct Bytes(Vec<u8>, Mutex<Vec<(u64, usize)>>);
+
+impl Bytes {
+    fn new(bytes: Vec<u8>) -> Bytes {
+        Bytes(bytes, Mutex::default())
+    }
+}
+
+impl Access for Bytes {
+    fn name(&self) -> &str {
+        "m.lpc"
+    }
+
+    fn size(&self) -> u64 {
+        self.0.len() as u64
+    }
+
+    fn read(&self, at: u64, to: &mut [u8]) -> Result<(), Fault> {
+        self.1.lock().expect("no panic").push((at, to.len()));
+        let from = self.0.get(at as usize..).and_then(|rest| rest.get(..to.len()));
+        let why = || Fault { kind: FaultKind::Short, name: "m.lpc".into(), at, why: "beyond the end".into() };
+        to.copy_from_slice(from.ok_or_else(why)?);
+        Ok(())
+    }
+}
+
+fn bytes(exact: bool, cloud: &PointCloud) -> Vec<u8> {
+    let model = Model::new("layered-file", cloud, &Options { samples: 64, exact, ..Options::default() });
+    std::fs::read(model.folder.path("m.lpc")).expect("the model")
+}
+
+/// Reads everything.
+fn read(bytes: Vec<u8>) -> Result<(), Error> {
+    let access = Bytes::new(bytes);
+    verify(&Index::read(&access)?, &access)
+}
+
+/// FNV-1a over header and index, put behind them.
+fn signed(mut bytes: Vec<u8>) -> Vec<u8> {
+    let nodes = u32::from_le_bytes(bytes[16..20].try_into().expect("four")) as usize;
+    let end = 112 + 88 * nodes;
+    // Of a file that says it has more, the sum does not matter.
+    if end + 8 > bytes.len() {
+        return bytes;
+    }
+    let step = |hash: u64, b: &u8| (hash ^ *b as u64).wrapping_mul(0x0100_0000_01b3);
+    let sum = bytes[..end].iter().fold(0xcbf2_9ce4_8422_2325, step);
+    bytes[end..end + 8].copy_from_slice(&sum.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn the_index_takes_two_reads() {
+    let access = Bytes::new(bytes(false, &scene("sphere", 1000)));
+    let index = Index::read(&access).expect("an index");
+    let end = 112 + 88 * index.nodes.len();
+    assert_eq!(*access.1.lock().expect("reads"), [(0, 112), (112, end + 8 - 112)], "what docs/FORMAT.md says");
+    assert_eq!(index.nodes[0].at, end as u64 + 8);
+    let levels: Vec<u8> = index.nodes.iter().map(|n| n.level).collect();
+    assert!(levels.is_sorted() && levels[levels.len() - 1] > 2);
+}
+
+#[test]
+fn every_cut_and_every_altered_byte_is_refused() {
+    for exact in [false, true] {
+        let bytes = bytes(exact, &scene("sphere", 700));
+        read(bytes.clone()).expect("whole");
+        for at in 0..bytes.len() {
+            let error = read(bytes[..at].to_vec()).expect_err("cut short").to_string();
+            assert!(error.starts_with("m.lpc at byte "), "cut at {at}: {error}");
+            let mut altered = bytes.clone();
+            altered[at] ^= 1 << (at % 8);
+            let error = read(altered).expect_err("altered").to_string();
+            assert!(error.starts_with("m.lpc at byte "), "altered at {at}: {error}");
+        }
+        let mut longer = bytes.clone();
+        longer.push(0);
+        read(longer).expect_err("longer");
+    }
+}
+
+#[test]
+fn nothing_is_believed_because_its_checksum_is_right() {
+    let bytes = bytes(false, &scene("sphere", 700));
+    let mut refused = 0;
+    let end = 112 + 88 * u32::from_le_bytes(bytes[16..20].try_into().expect("four")) as usize;
+    // Links, levels, places, sizes, numbers: whatever is altered is refused, or harmless; nothing panics.
+    for at in 8..end {
+        for to in [0x00, 0x7f, 0xff] {
+            let mut altered = bytes.clone();
+            altered[at] = to;
+            refused += usize::from(read(signed(altered)).is_err());
+        }
+    }
+    assert!(refused > end, "{refused} of {}", 3 * end);
+    let says = |at: usize, word: u32, what: &str| {
+        let mut altered = bytes.clone();
+        altered[at..at + 4].copy_from_slice(&word.to_le_bytes());
+        let error = read(signed(altered)).expect_err(what).to_string();
+        assert!(error.contains(what), "{error}");
+    };
+    let node = |i: usize, field: usize| 112 + 88 * i + field;
+    says(node(0, 60), 0, "not its parent's child");
+    says(node(1, 60), 1, "a child is not its own");
+    says(node(0, 52), 0, "a child is not its own");
+    says(node(0, 56), 1, "a child is not its own");
+    says(node(2, 64), u32::MAX, "samples, of at most");
+    says(node(2, 68), 5, "does not follow");
+    says(node(2, 84), u32::MAX, "beyond the end");
+    says(node(1, 48), 5 | 1 << 8, "neither a leaf nor cut");
+    says(node(1, 48), 2 << 8, "does not fit its parent's");
+    says(node(1, 36), f32::NAN.to_bits(), "no number");
+    says(node(1, 36), 1e9f32.to_bits(), "does not fit its parent's");
+}
+
+#[test]
+fn a_patch_of_another_model_is_refused() {
+    let [one, other] = [700, 701].map(|n| Bytes::new(bytes(false, &scene("sphere", n))));
+    let index = Index::read(&one).expect("an index");
+    let node = index.nodes[0];
+    let mut patch = vec![0; node.bytes as usize];
+    other.read(node.at, &mut patch).expect("bytes");
+    let error = Patch::decode(&index, 0, &patch).expect_err("another's").to_string();
+    assert_eq!(
+        error,
+        format!("m.lpc at byte {}: the patch's checksum differs: it was altered, or is another model's", node.at)
+    );
+    assert!(Patch::decode(&index, 0, &patch[..10]).is_err());
+}
+
+#[test]
+fn patches_are_checked_behind_their_checksum() {
+    let access = Bytes::new(bytes(false, &scene("sphere", 700)));
+    let index = Index::read(&access).expect("an index");
+    let mut patch = vec![0; index.nodes[0].bytes as usize];
+    access.read(index.nodes[0].at, &mut patch).expect("bytes");
+    let mut refused = 0;
+    for at in 0..patch.len() {
+        for flip in [0x01, 0x80, 0xff] {
+            let mut altered = patch.clone();
+            altered[at] ^= flip;
+            let mut index = index.clone();
+            let step = |hash: u64, b: &u8| (hash ^ *b as u64).wrapping_mul(0x0100_0000_01b3);
+            index.nodes[0].checksum = altered.iter().fold(0xcbf2_9ce4_8422_2325, step);
+            // Decodes to something of the right length, or is refused.
+            match Patch::decode(&index, 0, &altered) {
+                Ok(found) => assert_eq!(found.positions.len(), index.nodes[0].samples as usize),
+                Err(e) => {
+                    assert!(e.to_string().starts_with("m.lpc at byte "), "{e}");
+                    refused += 1;
+                }
+            }
+        }
+    }
+    assert!(refused > 30, "{refused}");
+}
