@@ -168,3 +168,30 @@ fn patches_are_checked_behind_their_checksum() {
     }
     assert!(refused > 30, "{refused}");
 }
+
+#[test]
+fn the_binary_builds_tells_and_draws() {
+    let folder = crate::folder::Folder::new("layered-binary");
+    let (model, picture) = (folder.path("m.lpc"), folder.path("a.png"));
+    let run = |args: &[&str]| {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_surfel")).args(args).output().expect("the binary");
+        (output.status.code(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
+    };
+    let (code, text) = run(&["build", "scene:demo:5000", "-o", &model, "--patch", "512"]);
+    assert!(code == Some(0) && text.contains("samples      5 000\n"), "{text}");
+    let (code, text) = run(&["info", &model, "--verify", "--json"]);
+    let facts: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!((code, &facts["samples"], &facts["verified"]), (Some(0), &5000.into(), &true.into()));
+    let (code, text) = run(&["reference", &model, "-o", &picture, "--size", "32x32"]);
+    assert!(code == Some(0) && text.contains("all levels of the layered point cloud are drawn"), "{text}");
+    let (code, text) = run(&["build", &model, "-o", &model]);
+    assert!(code == Some(1) && text.contains("is an input, and would be overwritten"), "{text}");
+    assert_eq!(run(&["info", "scene:demo:10", "--verify"]).0, Some(2));
+    assert_eq!(run(&["build", "scene:demo:10", "-o", &model, "--memory", "1M"]).0, Some(2));
+    let mut bytes = std::fs::read(&model).expect("the model");
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    std::fs::write(&model, bytes).expect("a file");
+    let (code, text) = run(&["info", &model, "--verify"]);
+    assert!(code == Some(1) && text.contains("m.lpc at byte ") && text.contains("checksum differs"), "{text}");
+}
