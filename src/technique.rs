@@ -15,6 +15,8 @@ pub enum Structure {
     OneSpt,
     /// A sequential tree with a mesh's triangles where those are larger than the threshold (2003, section 3.8).
     Hybrid,
+    /// Patches of a model on disk or behind a server, as many as the view needs (Gobbetti, Marton: Layered Point Clouds, 2004).
+    Layered,
     /// Blocks of points in an octree (VBOsR, 2006).
     VboR,
     /// Sequential lists in an octree (SPTsR, 2006).
@@ -161,6 +163,7 @@ names!(Structure {
     Flat = "flat",
     Sequential = "sequential",
     Hybrid = "hybrid",
+    Layered = "layered",
     OneSpt = "one-spt",
     VboR = "vbo-r",
     SptR = "spt-r",

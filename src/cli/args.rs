@@ -271,6 +271,9 @@ pub struct RenderArgs {
     /// Frames to draw untimed before.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=100_000))]
     pub warmup: u32,
+    /// For --structure layered: most samples; the threshold grows until they suffice.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u32::MAX as u64))]
+    pub points: Option<u64>,
     /// Writes what the frames did and took.
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,

@@ -77,6 +77,7 @@ fn pieces(input: &Input, progress: &Progress) -> Result<Pieces> {
             let report = |done, total| step.set(done, total);
             Ok(Pieces::open(path, &load::Options { progress: Some(&report) })?)
         }
+        Input::Remote(address) => bail!("{address}: a model is built of files"),
         Input::Scene { name, points, seed } => {
             memory::ensure(&format!("scene:{name}:{points}"), *points as u64 * 31)?;
             let _step = progress.step(format!("make scene {name}"), 1);

@@ -22,10 +22,8 @@ pub fn run(args: &InfoArgs) -> Result<Outcome> {
     {
         return scene(path, args.json);
     }
-    if let Input::File(path) = &args.input
-        && layered::is_model(&args.input)
-    {
-        return layered::info(path, args);
+    if layered::is_model(&args.input) {
+        return layered::info(args);
     }
     if args.verify {
         return Err(layered::no_model());
@@ -66,6 +64,7 @@ fn scene(path: &Path, as_json: bool) -> Result<Outcome> {
 fn name(input: &Input) -> String {
     match input {
         Input::File(path) => path.display().to_string(),
+        Input::Remote(address) => address.clone(),
         Input::Scene { name, points, seed } => format!("scene:{name}:{points}:{seed}"),
     }
 }

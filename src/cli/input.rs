@@ -32,6 +32,9 @@ fn read_all(input: &Input, progress: &Progress) -> Result<PointCloud> {
             let report = |done, total| step.set(done, total);
             Ok(load::open(path, &load::Options { progress: Some(&report) })?)
         }
+        Input::Remote(address) => {
+            bail!("{address}: a model behind a server is drawn by render --structure layered, and told of by info")
+        }
         Input::Scene { name, points, seed } => {
             // Position, normal, radius, colour, as they are made and as they are packed for the device.
             memory::ensure(&format!("scene:{name}:{points}"), *points as u64 * (31 + 24))?;

@@ -12,6 +12,8 @@ use surfel::load::synthetic::{DEMO_POINTS, SCENES};
 pub enum Input {
     /// A file.
     File(PathBuf),
+    /// A model behind a server: `http://` or `https://`.
+    Remote(String),
     /// A scene from formulas.
     Scene { name: String, points: usize, seed: u64 },
 }
@@ -45,8 +47,11 @@ pub enum Radius {
 /// The largest cloud that missing attributes can be completed for.
 pub const MAX_POINTS: usize = 1 << 29;
 
-/// A path, or `scene:NAME[:POINTS[:SEED]]`.
+/// A path, an address, or `scene:NAME[:POINTS[:SEED]]`.
 pub fn input(text: OsString) -> Result<Input, String> {
+    if let Some(address) = text.to_str().filter(|t| t.starts_with("http://") || t.starts_with("https://")) {
+        return Ok(Input::Remote(address.to_owned()));
+    }
     let Some(scene) = text.to_str().and_then(|t| t.strip_prefix("scene:")) else {
         return Ok(Input::File(text.into()));
     };

@@ -121,6 +121,7 @@ fn faces(inputs: &[Input], clouds: &[PointCloud]) -> Result<()> {
         if cloud.mesh.as_ref().is_none_or(|mesh| mesh.triangles.is_empty()) {
             let name = match input {
                 Input::File(path) => path.display().to_string(),
+                Input::Remote(address) => address.clone(),
                 Input::Scene { name, .. } => format!("scene:{name}"),
             };
             bail!("{name}: --truth mesh needs faces, and it has none (--truth supersampled does not)");

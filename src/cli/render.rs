@@ -7,11 +7,13 @@ use anyhow::{Result, bail};
 
 use surfel::ash::vk;
 use surfel::standalone::{DeviceInfo, Layers, Offscreen, Options, Shot, Standalone};
+use surfel::structure::Flat;
 use surfel::technique::{Structure, Technique};
 use surfel::{CloudId, Instance};
 
 use super::args::RenderArgs;
 use super::camera::Pose;
+use super::layered::Model;
 use super::progress::Progress;
 use super::report::Report;
 use super::scene::{self, Scene, Source};
@@ -82,13 +84,26 @@ fn picture(
     // A quarter of a gibibyte a frame: what is staged does not double the memory of large clouds.
     offscreen.renderer.upload_budget = 256 << 20;
     let progress = Progress::new(args.picture.quiet);
-    let read = source.read(&progress)?;
+    let model = (technique.structure == Structure::Layered).then(|| Model::open(&source.inputs)).transpose()?;
+    let read = model.as_ref().map_or_else(|| source.read(&progress), |model| Ok(vec![model.overview()?]))?;
     let mut scene = Scene::complete(read, source, &args.picture.view.lens, &args.picture.look, &progress)?;
     let view = scene.view(pose, args.picture.view.lens.fov, args.picture.view.size);
     let style = look::style(&args.picture.technique, &args.picture.look, scene.shade);
     let (points_input, mut assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
     let placed = std::mem::take(&mut scene.instances);
-    let (clouds, said) = structure::build(scene.pack(), &args.picture.structure, &technique, &view, &progress)?;
+    let (clouds, said) = match &model {
+        None => structure::build(scene.pack(), &args.picture.structure, &technique, &view, &progress)?,
+        Some(model) => {
+            let (cloud, mut said) = model.in_view(&view, args.picture.view.size, &style, args.points, &progress)?;
+            let cloud = scene.show(cloud, &args.picture.look, &progress)?;
+            let flat = Technique { structure: Structure::Flat, ..technique };
+            let packed = vec![(Flat::new(&cloud), None)];
+            let (clouds, more) = structure::build(packed, &args.picture.structure, &flat, &view, &progress)?;
+            said.extend(more);
+            (clouds, said)
+        }
+    };
+    let points_input = model.as_ref().map_or(points_input, Model::samples);
     assumed.extend(said);
     let layers = clouds.iter().filter_map(|c| c.flat().groups.as_ref()).map(|g| g.count).max().unwrap_or(0);
     if device.kind == "cpu" && layers > 0 {

@@ -160,6 +160,15 @@ impl Scene {
         complete(cloud, look.radius, self.shade, self.by, &self.bounds, progress);
     }
 
+    /// A cloud of what this scene's stands for, completed and coloured as that was.
+    pub fn show(&self, cloud: PointCloud, look: &LookArgs, progress: &Progress) -> Result<PointCloud> {
+        let mut clouds = [cloud];
+        self.finish(&mut clouds[0], look, progress);
+        color::paint(&mut clouds, self.by, self.up, &self.bounds)?;
+        let [cloud] = clouds;
+        Ok(cloud)
+    }
+
     /// What a renderer takes, and the faces. One at a time: a cloud's arrays are given back as soon as they are packed.
     pub fn pack(self) -> Vec<(Flat, Option<Mesh>)> {
         self.clouds.into_iter().map(|cloud| (Flat::new(&cloud), cloud.mesh)).collect()

@@ -35,6 +35,9 @@ pub fn check(args: &StructureArgs, technique: &Technique, inputs: usize) -> Resu
         }
         output::check(path)?;
     }
+    if technique.structure == Structure::Layered && inputs != 1 {
+        return Err(Usage("--structure layered is for one model".into()).into());
+    }
     let Some(path) = &args.groups else { return Ok(()) };
     if technique.blend != Blend::Groups {
         return Err(Usage("--groups is for --blend groups".into()).into());
@@ -164,7 +167,7 @@ pub fn level(
         Structure::Espt => octree(octree::Preset::Espt)?,
         Structure::Mospt => octree(octree::Preset::Mospt)?,
         Structure::RGrid => octree(octree::Preset::RGrid)?,
-        other => bail!("--structure {other}: is not one of levels"),
+        other => bail!("--structure {other} is for render alone"),
     };
     drop(step);
     let mut said = format!("structure: {structure}, {:.1} B a point", per_point(bytes, flat.len()));

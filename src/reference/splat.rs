@@ -61,7 +61,7 @@ pub enum Fate {
     Outside,
     Drawn(Splat, Bound),
     /// A triangle of which something may be drawn.
-    Face(Face, Bound),
+    Face(Box<Face>, Bound),
     /// A triangle that is not drawn.
     NoFace,
 }
@@ -156,7 +156,7 @@ impl<'a> Setup<'a> {
         match least {
             Some(least) => self.splat(object, index, least),
             None => match self.face(object, index).and_then(|face| face.bound(self).map(|bound| (face, bound))) {
-                Some((face, bound)) => Fate::Face(face, bound),
+                Some((face, bound)) => Fate::Face(Box::new(face), bound),
                 None => Fate::NoFace,
             },
         }

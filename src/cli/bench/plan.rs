@@ -36,6 +36,7 @@ pub struct Form {
 pub fn name(input: &Input) -> String {
     match input {
         Input::File(path) => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        Input::Remote(address) => address.clone(),
         Input::Scene { name, points, seed } => format!("scene:{name}:{points}:{seed}"),
     }
 }

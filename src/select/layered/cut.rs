@@ -85,6 +85,11 @@ impl Cut {
     /// Comparisons alone, so that the vertex stage finds the same to the bit. A coordinate that is no number goes to the second
     /// child.
     pub fn radius_of(&self, step: usize, position: [f32; 3]) -> f32 {
+        self.deepest(step, position).radius
+    }
+
+    /// The deepest step containing the place of a sample of this one.
+    pub fn deepest(&self, step: usize, position: [f32; 3]) -> &Step {
         let mut step = &self.steps[step];
         while step.split < 3 {
             let side = if position[step.split as usize] < step.plane { 0 } else { 1 };
@@ -93,7 +98,7 @@ impl Cut {
                 child => step = &self.steps[child as usize],
             }
         }
-        step.radius
+        step
     }
 
     pub(super) fn clear(&mut self) {

@@ -7,6 +7,8 @@
 mod build;
 #[cfg(feature = "layered")]
 mod file;
+#[cfg(feature = "layered")]
+mod in_view;
 mod index;
 #[cfg(feature = "layered")]
 mod patch;
@@ -17,11 +19,13 @@ mod whole;
 pub use build::{Built, Normals, Options, Sampling, Told, build};
 #[cfg(feature = "layered")]
 pub use file::is_model;
+#[cfg(feature = "layered")]
+pub use in_view::{InView, Patience, in_view};
 pub use index::{Index, Node};
 #[cfg(feature = "layered")]
 pub use patch::Patch;
 #[cfg(feature = "layered")]
-pub use whole::{verify, whole};
+pub use whole::{coarse, verify, whole};
 
 /// Most samples of one patch: what decoding takes is bounded by it, whatever an index says.
 pub const MAX_SAMPLES: u32 = 1 << 22;

@@ -1,6 +1,6 @@
 //! All of a model at once: for truth, for tools, and for models that fit.
 
-use super::{Index, Patch};
+use super::{Index, Node, Patch};
 use crate::error::{Error, Result};
 use crate::par;
 use crate::stream::Access;
@@ -10,8 +10,8 @@ use crate::structure::{Flat, flat};
 const BATCH: usize = 64;
 
 /// Reads every patch, decodes it, and hands it to `take` in the order of the nodes.
-fn each(index: &Index, access: &dyn Access, mut take: impl FnMut(Patch)) -> Result<()> {
-    let nodes: Vec<u32> = (0..index.nodes.len() as u32).collect();
+fn each(index: &Index, access: &dyn Access, count: usize, mut take: impl FnMut(Patch)) -> Result<()> {
+    let nodes: Vec<u32> = (0..count as u32).collect();
     for batch in nodes.chunks(BATCH) {
         let mut bytes = Vec::with_capacity(batch.len());
         for &i in batch {
@@ -33,7 +33,7 @@ fn each(index: &Index, access: &dyn Access, mut take: impl FnMut(Patch)) -> Resu
 /// # Errors
 /// The first that a patch has: [`Error::Stream`] or [`Error::Data`], with its place in the file.
 pub fn verify(index: &Index, access: &dyn Access) -> Result<()> {
-    each(index, access, |_| {})
+    each(index, access, index.nodes.len(), |_| {})
 }
 
 /// Every sample of a model, each with its own radius, in the order of nodes and patches: what all patches draw together.
@@ -46,10 +46,29 @@ pub fn whole(index: &Index, access: &dyn Access) -> Result<Flat> {
     if index.samples() > u32::MAX as u64 {
         return Err(Error::Unsupported(format!("{}: {} samples in one array", index.name, index.samples())));
     }
+    first(index, access, index.nodes.len())
+}
+
+/// The samples of the first nodes, coarse to fine, as [`whole`] has them: at most so many, but those of the root in any case. What
+/// a model looks like from afar, where it lies, how large it is.
+///
+/// # Errors
+/// As [`verify`].
+pub fn coarse(index: &Index, access: &dyn Access, samples: u64) -> Result<Flat> {
+    let mut sum = 0;
+    let fits = |node: &&Node| {
+        sum += node.samples as u64;
+        sum <= samples
+    };
+    let count = index.nodes.iter().take_while(fits).count();
+    first(index, access, count.max(index.nodes.len().min(1)))
+}
+
+fn first(index: &Index, access: &dyn Access, count: usize) -> Result<Flat> {
     let mut flat = Flat { origin: index.origin, closed: index.closed, ..Flat::default() };
     flat.normals = index.normals.then(Vec::new);
     flat.colors = index.colors.then(Vec::new);
-    each(index, access, |patch| {
+    each(index, access, count, |patch| {
         flat.geometry.extend(patch.positions.iter().zip(&patch.radii).map(|([x, y, z], r)| [*x, *y, *z, *r]));
         flat.normals.iter_mut().for_each(|all| all.extend(patch.normals.iter().flatten()));
         flat.colors.iter_mut().for_each(|all| all.extend(patch.colors.iter().flatten()));

@@ -110,11 +110,8 @@ impl Tree {
         }
 
         let mut numbers = vec![NONE; gone.len()];
-        let mut next = 0;
-        for (number, _) in numbers.iter_mut().zip(&gone).filter(|(_, gone)| !**gone) {
-            *number = next;
-            next += 1;
-        }
+        let stay = numbers.iter_mut().zip(&gone).filter(|(_, gone)| !**gone);
+        (0..).zip(stay).for_each(|(next, (number, _))| *number = next);
         let anew = |parent: u32| if parent == NONE { NONE } else { numbers[parent as usize] };
         let leaves = self.leaves.iter().zip(&self.parents).filter(|(_, p)| kept(**p));
         let (leaves, parents): (Vec<u32>, Vec<u32>) = leaves.map(|(&point, &parent)| (point, anew(parent))).unzip();
