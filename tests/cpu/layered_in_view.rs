@@ -47,7 +47,7 @@ fn a_picture_reads_its_cut_and_no_more() {
     let index = &model.index;
     let all = bag(&whole(index, &model.access).expect("all samples"));
     let mut last = 0;
-    for (distance, threshold) in [(40.0, 3.0), (9.0, 2.0), (4.0, 1.0)] {
+    for (distance, threshold) in [(40.0, 3.0), (12.0, 3.0), (4.0, 3.0)] {
         let sight = sight(index, distance, threshold);
         let of = seen(index, file(&model), &sight).expect("a picture");
         let mut cut = Cut::default();
@@ -56,7 +56,8 @@ fn a_picture_reads_its_cut_and_no_more() {
         assert_eq!((of.fetched.delivered, of.fault), (cut.counts.drawn as u64, None));
         let bytes: u64 = cut.drawn().map(|s| index.nodes[s.node as usize].bytes as u64).sum();
         assert!(of.fetched.bytes >= bytes);
-        assert!(of.flat.len() > last && of.flat.len() < 20_000, "{distance}: {} samples", of.flat.len());
+        assert!(of.flat.len() > last, "{distance}: {} samples", of.flat.len());
+        assert!(distance < 5.0 || of.flat.len() < 10_000, "{distance}: {} samples", of.flat.len());
         last = of.flat.len();
         assert!(bag(&of.flat).iter().all(|(place, n)| all.get(place) >= Some(n)), "samples of the model, none twice");
         // Radii, one by one: of the deepest node, or the sample's own where that has no children.
