@@ -1,6 +1,5 @@
 //! Where the frame's thread and the workers meet. Nothing here looks at a whole list.
 
-use std::collections::HashMap;
 use std::mem;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -18,9 +17,6 @@ pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Which list, from 1; 0 is before the first.
 pub(super) type Generation = u64;
 
-/// Of a result that was not taken: newer than any list.
-const WAITING: Generation = Generation::MAX;
-
 struct Content<T> {
     /// The latest list, if no worker has it yet.
     list: Option<Vec<Want>>,
@@ -31,8 +27,10 @@ struct Content<T> {
     done: Vec<(u32, Result<T>)>,
     /// Bytes of patches in `done`.
     done_bytes: u64,
-    /// Keys that have come, with the latest list that may have been made without knowledge of it.
-    came: HashMap<u32, Generation>,
+    /// Keys of `done`.
+    waiting: Vec<u32>,
+    /// Keys that were taken, with the latest list that may have been made without knowledge of it.
+    taken: Vec<(Generation, Vec<u32>)>,
     stats: FetchStats,
     fault: Option<Fault>,
     /// Counts whatever may give a worker something to do.
@@ -50,7 +48,7 @@ pub(super) struct Desk<T> {
 /// What a worker has to know before it plans.
 pub(super) struct News {
     pub list: Option<(Generation, Vec<Want>)>,
-    /// Keys that a list of the generation in hand may have in vain.
+    /// Keys that a list of the generation in hand may have in vain, if one is planned.
     pub came: Vec<u32>,
     /// Bytes of what waits to be taken.
     pub waiting: u64,
@@ -66,7 +64,8 @@ impl<T> Desk<T> {
             used: Vec::new(),
             done: Vec::new(),
             done_bytes: 0,
-            came: HashMap::new(),
+            waiting: Vec::new(),
+            taken: Vec::new(),
             stats: FetchStats::default(),
             fault: None,
             signal: 0,
@@ -98,10 +97,8 @@ impl<T> Desk<T> {
             return Vec::new();
         }
         let done = mem::take(&mut content.done);
-        let generation = content.generation;
-        for (key, _) in &done {
-            content.came.insert(*key, generation);
-        }
+        let keys = (content.generation, mem::take(&mut content.waiting));
+        content.taken.push(keys);
         content.done_bytes = 0;
         self.ring(&mut content);
         done
@@ -122,22 +119,21 @@ impl<T> Desk<T> {
         self.ring(&mut content);
     }
 
-    /// For a worker whose list is of `generation`: a newer list if there is one, for which it gives back the old.
-    pub(super) fn news(&self, generation: Generation, old: &mut Vec<Want>) -> News {
+    /// For a worker whose list is of `generation`: a newer list if there is one, for which it gives back the old. `again`: it
+    /// plans anew even if there is none.
+    pub(super) fn news(&self, generation: Generation, old: &mut Vec<Want>, again: bool) -> News {
         let mut content = locked(&self.content);
         let list = content.list.take().map(|list| (content.generation, list));
         if list.is_some() {
             content.used = mem::take(old);
         }
         let generation = list.as_ref().map_or(generation, |l| l.0);
-        content.came.retain(|_, g| *g >= generation);
-        News {
-            list,
-            came: content.came.keys().copied().collect(),
-            waiting: content.done_bytes,
-            signal: content.signal,
-            stop: content.stop,
+        content.taken.retain(|(latest, _)| *latest >= generation);
+        let mut came = Vec::new();
+        if again || list.is_some() {
+            came.extend(content.taken.iter().flat_map(|(_, keys)| keys).chain(&content.waiting));
         }
+        News { list, came, waiting: content.done_bytes, signal: content.signal, stop: content.stop }
     }
 
     /// Until something happens after `signal`, or until `wake`.
@@ -161,7 +157,7 @@ impl<T> Desk<T> {
         content.stats.delivered += u64::from(result.is_ok());
         content.done_bytes += bytes;
         content.done.push((key, result));
-        content.came.insert(key, WAITING);
+        content.waiting.push(key);
     }
 
     /// What a plan came to: a request, or none; `held` is what is in flight now, keys and bytes.

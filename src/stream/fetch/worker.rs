@@ -40,7 +40,8 @@ impl<T> Shared<T> {
                 let mut plan = locked(&self.plan);
                 let plan = &mut *plan;
                 let now = Instant::now();
-                let news = self.desk.news(plan.generation, &mut plan.list);
+                let stale = plan.is_stale(now);
+                let news = self.desk.news(plan.generation, &mut plan.list, stale);
                 if news.stop {
                     return None;
                 }
@@ -49,7 +50,7 @@ impl<T> Shared<T> {
                 if let Some((generation, list)) = news.list {
                     forgotten = plan.replace(generation, list);
                 }
-                if is_new || plan.is_stale(now) {
+                if is_new || stale {
                     plan.make(&news.came, now).iter().for_each(|want| self.give_up(want));
                 }
                 let next = plan.next(news.waiting, now);
