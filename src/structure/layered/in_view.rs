@@ -9,9 +9,11 @@ use super::{Index, Patch};
 use crate::error::{Error, Result};
 use crate::select::Sight;
 use crate::select::layered::{Counts, Cut, Refine, refine};
-use crate::stream::{Access, Fault, FetchOptions, FetchStats, Fetcher, Want};
+use crate::stream::{Access, Fault, FaultKind, FetchOptions, FetchStats, Fetcher, Want};
 use crate::structure::{Flat, flat};
 
+/// Why a picture is given up that nothing comes for.
+const SILENT: &str = "nothing came for too long";
 /// Between two looks at what has come.
 const PAUSE: Duration = Duration::from_millis(1);
 
@@ -41,7 +43,7 @@ pub struct InView {
     /// What it took.
     pub fetched: FetchStats,
     /// Why patches are missing, if any is: what stands for them is coarser.
-    pub fault: Option<Fault>,
+    pub fault: Option<Error>,
 }
 
 /// Fetches what this view draws of a model, level by level, and waits for it: for pictures and tools. Only these patches are read, and
@@ -86,7 +88,8 @@ pub fn in_view(
             thread::sleep(PAUSE);
         };
         if come.is_empty() {
-            fault = fetcher.fault();
+            let silent = || Fault { kind: FaultKind::TimedOut, name, at: wanted[0].at, why: SILENT.into() };
+            fault = Some(Error::Stream(fetcher.fault().unwrap_or_else(silent)));
             break;
         }
         last = Instant::now();
@@ -97,24 +100,17 @@ pub fn in_view(
                 Err(error) if node == 0 => return Err(error),
                 Err(error) => {
                     lost.insert(node);
-                    fault = Some(Fault { name: name.clone(), ..of_error(error, index.nodes[node as usize].at) });
+                    fault = Some(error);
                 }
             }
         }
     }
-    if let (true, Some(fault)) = (patches.is_empty() && !index.nodes.is_empty(), &fault) {
-        return Err(Error::Stream(fault.clone()));
+    match fault {
+        Some(fault) if patches.is_empty() => return Err(fault),
+        _ => {}
     }
     let flat = gather(index, &cut, &patches);
     Ok(InView { flat, counts: cut.counts, fetched: fetcher.stats(), fault })
-}
-
-/// Why a patch was given up, in the words of its error.
-fn of_error(error: Error, at: u64) -> Fault {
-    match error {
-        Error::Stream(fault) => fault,
-        other => Fault { kind: crate::stream::FaultKind::Io, name: String::new(), at, why: other.to_string() },
-    }
 }
 
 /// The drawn samples, one after the other.
