@@ -137,6 +137,7 @@ fn picture(
         points_input,
         account,
         skipped,
+        threshold: [style.threshold as f64, view.off_axis()],
         validation_messages: 0,
         assumed,
     })

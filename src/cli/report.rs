@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use surfel::standalone::DeviceInfo;
 use surfel::stats::{Culled, Skip};
-use surfel::technique::{Blend, Technique};
+use surfel::technique::{Blend, Structure, Technique};
 
 use super::frames::Account;
 use super::memory;
@@ -27,6 +27,8 @@ pub struct Report {
     pub skipped: Vec<(&'static str, &'static str)>,
     /// Messages of the validation layers.
     pub validation_messages: usize,
+    /// Level of detail in the picture's centre \[px\], and how many times as much it may be in a corner.
+    pub threshold: [f64; 2],
     /// What was chosen, dropped, repaired.
     pub assumed: Vec<String>,
 }
@@ -50,6 +52,7 @@ impl Report {
             "layers": stats.layers,
             "layer_bytes": stats.layer_bytes,
             "sums": stats.sums.name(),
+            "threshold": {"pixels": self.threshold[0], "worst_off_axis": self.threshold[1]},
             "points_input": self.points_input,
             "triangles_submitted": stats.triangles_submitted,
             "points_submitted": stats.points_submitted,
@@ -87,6 +90,10 @@ impl Report {
         }
         if stats.layers > 0 {
             row("layers", format!("{}, {}", stats.layers, memory::human(stats.layer_bytes)));
+        }
+        if structure != Structure::Flat {
+            let [px, corner] = self.threshold;
+            row("threshold", format!("{px} px in the centre, at most {:.2} px in a corner", px * corner));
         }
         let drawn = stats.points_drawn.map_or("?".into(), grouped);
         row("points", format!("{} in the input, {drawn} drawn", grouped(self.points_input)));
