@@ -56,8 +56,8 @@ fn the_demo_renders_and_its_statistics_add_up() {
     assert!(covered(&picture) > 160 * 120 / 8, "{}", covered(&picture));
     let v = stats(&json);
     let keys = "assumed blend blend_drawn culled device device_bytes draw_calls driver frame_ms_median gpu_ms_median \
-                height layer_bytes layers ordered_access passes peak_rss_bytes points_drawn points_input points_submitted prepare_ms_median skipped structure sums \
-                validation_messages width";
+                height layer_bytes layers ordered_access passes peak_rss_bytes points_drawn points_input points_submitted prepare_ms_median skipped structure sums threshold \
+                triangles_submitted validation_messages width";
     assert_eq!(
         v.as_object().unwrap().keys().map(String::as_str).collect::<Vec<_>>(),
         keys.split_whitespace().collect::<Vec<_>>()
