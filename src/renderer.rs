@@ -7,17 +7,16 @@ use std::collections::BTreeMap;
 use ash::vk;
 
 use crate::composite::{Before, Composite, resolve};
+use crate::draw::assemble::{Assembly, Scene};
 use crate::draw::cloud::DeviceCloud;
-use crate::draw::faces::face_runs;
-use crate::draw::large::{may_hold_large, whole_in_front};
+use crate::draw::cuts::CutTable;
 use crate::draw::layers::{LayerPlan, Layers};
-use crate::draw::list::Listing;
-use crate::draw::params::{Camera, frame_params, scale};
+use crate::draw::params::{Camera, frame_params};
 use crate::draw::plan::{CloudTraits, FramePlan, Surroundings};
-use crate::draw::slot::{PARAMS_STRIDE, Read, Slot};
-use crate::draw::splats::{Bindings, Draw, RUN_STAGES, Run, quad_indices, runs};
+use crate::draw::slot::{Read, Slot};
+use crate::draw::splats::{Bindings, Draw, RUN_STAGES, quad_indices};
 use crate::draw::targets::{TargetPlan, Targets};
-use crate::draw::variant::{Large, Pipelines, Role, Step, Variant, shaders};
+use crate::draw::variant::{Pipelines, Role, Step, Variant, shaders};
 use crate::draw::{count, fuzzy, groups, list, opaque, two_pass};
 use crate::error::{Error, Result};
 use crate::gpu::barrier::Access;
@@ -30,13 +29,9 @@ use crate::gpu::retire::{RetireQueue, Retired};
 use crate::gpu::upload::Upload;
 use crate::gpu::{Context, Interlock};
 use crate::host::{CloudId, FrameInput, Host, Instance, Requirements, TargetFormats};
-use crate::select::{DrawList, Sight, Slabs, cut};
 use crate::stats::{FrameStats, OrderedAccess, PassTime, Skip};
 use crate::structure::Cloud;
-use crate::structure::flat::Block;
-use crate::structure::packing::Packed;
-use crate::style::Voronoi;
-use crate::technique::{Blend, Selection};
+use crate::technique::Blend;
 
 /// Draws clouds into frames that a host records.
 pub struct Renderer {
@@ -137,10 +132,11 @@ impl Renderer {
         })
     }
 
-    /// Takes a cloud in; it is uploaded by the next `prepare` calls, and drawn as far as it is there.
+    /// Takes a cloud in; it is uploaded by the next `prepare` calls, and drawn as far as it is there. A layered point cloud takes
+    /// the memory of its cache now, and starts its threads; what views need of it comes as they need it.
     pub fn add(&mut self, cloud: impl Into<Cloud>) -> Result<CloudId> {
         let id = CloudId(self.next_cloud);
-        self.clouds.insert(id, DeviceCloud::new(&self.context, cloud.into())?);
+        self.clouds.insert(id, DeviceCloud::new(&mut self.context, &self.splats, cloud.into())?);
         self.next_cloud += 1;
         Ok(id)
     }
@@ -222,118 +218,16 @@ impl Renderer {
         self.stage()?;
 
         let Some(targets) = &self.targets else { unreachable!("made above") };
-        let targets_plan = targets.plan;
         let cameras: Vec<Camera> = input.views.iter().map(|v| Camera::new(v, input.extent)).collect();
         let sprite_limit = if plan.quads { f64::MAX } else { self.context.limits.point_size_range[1] as f64 };
-        let mut params = Vec::new();
-        let mut views = Vec::new();
-        let mut listing = Listing::default();
-        for (camera, view) in cameras.iter().zip(input.views) {
-            let mut draws = Vec::new();
-            let slabs = match plan.voronoi {
-                Voronoi::Slabs => {
-                    let drawn = input.instances.iter().map(|i| (self.cloud(i).flat(), i.transform));
-                    Some(Slabs::new(view, input.style, drawn))
-                }
-                Voronoi::Cones | Voronoi::Off => None,
-            };
-            let pairs = camera.needs_pairs(input.extent);
-            for (i, (instance, cloud_traits)) in input.instances.iter().zip(&traits).enumerate() {
-                let cloud = self.cloud(instance);
-                let flat = cloud.flat();
-                let mut block = camera.draw_params(
-                    input.extent,
-                    &instance.transform,
-                    (flat.origin, &cloud.bounds),
-                    input.style,
-                    plan.disc,
-                    sprite_limit.min(3e38) as f32,
-                );
-                if let Some(slabs) = slabs {
-                    block.slab_near = slabs.near as f32;
-                    block.slab_thickness = slabs.thickness as f32;
-                    block.slab_count = slabs.count as f32;
-                }
-                let sight = Sight::new(
-                    view,
-                    [input.extent.width, input.extent.height],
-                    &instance.transform,
-                    flat.origin,
-                    input.style,
-                );
-                let test = sight.test();
-                (block.test_eye, block.tau) = (test.eye, test.tau);
-                if let Some(radii) = flat.packed.as_ref().map(Packed::radii) {
-                    (block.radius_most, block.radius_step) = (radii.most, radii.step);
-                }
-
-                let (matrix, _) = camera.eye_from_cloud(&instance.transform, flat.origin);
-                let radius_scale = input.style.radius_scale as f64 * scale(&instance.transform);
-                let mut cloud_traits = *cloud_traits;
-                cloud_traits.closed =
-                    cloud_traits.closed && whole_in_front(cloud.cloud.surface(), camera, &matrix, radius_scale);
-                let mut list = DrawList::default();
-                cut::cut(&cloud.cloud, &sight, input.style, plan.culls(input.style, &cloud_traits), 0, &mut list);
-                // A point of a given size is a sprite or, with quads, a quad: never cast.
-                let may_be_large = |block: &Block| {
-                    let low_pass = input.style.low_pass as f64;
-                    let limits = (low_pass, input.extent, sprite_limit);
-                    !plan.pixels && may_hold_large(block, camera, &matrix, radius_scale, limits.0, limits.1, limits.2)
-                };
-                let faces = face_runs(&list.triangles, cloud.resident_faces());
-                let least = list.spans.iter().map(|s| s.least).fold(0.0, f32::max);
-                let large: Vec<u32> = if list.spans.is_empty() {
-                    Vec::new()
-                } else {
-                    // A radius that is nowhere too large: most blocks are done with by that alone.
-                    let whole = |halvings: i32| Block {
-                        radius: cloud.bounds.radius.max(least) * 0.5f32.powi(halvings),
-                        ..cloud.bounds
-                    };
-                    let small = (0..16).map(whole).find(|b| !may_be_large(b)).map_or(0.0, |b| b.radius);
-                    let widened = |b: &Block| Block { radius: b.radius.max(least), ..*b };
-                    let is_large = |b: &Block| b.radius > small && may_be_large(b);
-                    (0..).zip(&flat.blocks).filter(|(_, b)| is_large(&widened(b))).map(|(i, _)| i).collect()
-                };
-                let chunks: Vec<[u32; 2]> = cloud.chunks.iter().map(|c| [c.first, c.count]).collect();
-                let submitted = runs(&list.spans, &chunks, &flat.blocks, &large);
-                let variant = |large| {
-                    Variant::new(Role::Visibility, &plan, input.style, &cloud_traits, &targets_plan, large, pairs)
-                };
-                let main = variant(Large::Never);
-                let offset = (params.len() as u64 * PARAMS_STRIDE) as u32;
-                let listed = main.test.is_some() && input.technique.selection == Selection::Compute;
-                let drawn = if listed {
-                    let alike = |a: &Run, b: &Run| (a.chunk, a.large) == (b.chunk, b.large);
-                    let range = |part: &[Run]| Run {
-                        range: Some(listing.add([i, part[0].chunk], offset, main.test, part)),
-                        count: part.iter().map(|r| r.count).sum(),
-                        ..part[0]
-                    };
-                    submitted.chunk_by(alike).map(range).collect()
-                } else {
-                    submitted.clone()
-                };
-                draws.push(Draw {
-                    cloud: i,
-                    params: offset,
-                    submitted,
-                    runs: drawn,
-                    test: main.test,
-                    main: main.of_list(listed),
-                    // Where the order counts, what a sprite cannot hold must not come after everything else.
-                    large: variant(if plan.ordered.is_some() { Large::Too } else { Large::Only }).of_list(listed),
-                    faces,
-                    // Behind the groups' own layers.
-                    triangles: (main.of_triangles(), plan.layers.saturating_sub(1)),
-                });
-                params.push(block);
-            }
-            views.push(draws);
-        }
+        let scene = Scene { input, plan: &plan, targets: targets.plan, sprite_limit, cameras: &cameras };
+        let table = self.stream(&scene, &mut stats)?;
+        let of_instances: Vec<&DeviceCloud> = input.instances.iter().map(|i| self.cloud(i)).collect();
+        let Assembly { views, params, listing } = scene.assemble(&of_instances);
         let any_large = views.iter().flatten().any(Draw::has_large);
         let keep = input.keep_lists && !listing.is_empty();
         self.slots[slot].ensure_lists(&mut self.context, &listing, keep)?;
+        self.slots[slot].write_cuts(&mut self.context, &table)?;
         if !any_large {
             stats.skipped.push(Skip {
                 stage: "large footprints",
@@ -660,6 +554,29 @@ impl Renderer {
         Ok(())
     }
 
+    /// Selects what this frame draws of layered point clouds, takes in what has come of them, and asks for what is missing.
+    fn stream(&mut self, scene: &Scene, stats: &mut FrameStats) -> Result<CutTable> {
+        let mut table = CutTable::default();
+        let mut done: Vec<CloudId> = Vec::new();
+        for instance in scene.input.instances {
+            let id = instance.cloud;
+            let Some(cloud) = self.clouds.get_mut(&id).filter(|c| c.patches.is_some() && !done.contains(&id)) else {
+                continue;
+            };
+            done.push(id);
+            let (sights, culled) = scene.sights(cloud, |i| i.cloud == id);
+            let Some(patches) = &mut cloud.patches else { continue };
+            patches.select(scene.input.id, self.completed, &sights, culled, &mut table);
+            let staged: u64 = self.staged.iter().map(|s| s.upload.staging.size).sum();
+            let budget = self.upload_budget.saturating_sub(staged);
+            if let Some(upload) = patches.stream(&mut self.context, &cloud.chunks, budget)? {
+                self.staged.push(Staged { cloud: Some(id), upload });
+            }
+            stats.layered.push(patches.stats());
+        }
+        Ok(table)
+    }
+
     /// Records what is staged, and starts the frame's timestamps. Returns the bytes copied.
     fn record_uploads(&mut self, cmd: vk::CommandBuffer, slot: usize) -> u64 {
         let mut timestamps = self.slots[slot].timestamps.as_mut();
@@ -669,7 +586,9 @@ impl Renderer {
         let staged = std::mem::take(&mut self.staged);
         if !staged.is_empty() {
             let mut recorder = Recorder::new(&self.context, cmd, timestamps);
-            recorder.pass("upload", vec![], |context, cmd| staged.iter().for_each(|s| s.upload.record(context, cmd)));
+            // What a patch takes the place of, complete frames have read: layers that do not know the host's semaphores cannot tell.
+            let before = vec![Use::Memory(Access::VertexRead, Access::CopyWrite)];
+            recorder.pass("upload", before, |context, cmd| staged.iter().for_each(|s| s.upload.record(context, cmd)));
             recorder.barrier(vec![Use::Memory(Access::CopyWrite, Access::VertexRead)]);
         }
         let mut bytes = 0;

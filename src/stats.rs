@@ -1,5 +1,7 @@
 //! What a frame did, and what it did not have to do.
 
+use crate::select::layered::Counts;
+use crate::stream::FetchStats;
 use crate::style::SumPrecision;
 use crate::technique::{Blend, names};
 
@@ -54,6 +56,31 @@ pub struct PassTime {
     pub gpu_ms: f64,
 }
 
+/// A layered point cloud in one frame, over all its views and instances.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LayeredStats {
+    /// Nodes that were met, by what became of them, and samples drawn.
+    pub cut: Counts,
+    /// Factor on the threshold, for a limit of samples or slots: 1 where there is none, or it is kept.
+    pub factor: f64,
+    /// Patches asked for.
+    pub wished: u32,
+    /// Patches taken in, to be drawn from the next frame on.
+    pub arrived: u32,
+    /// Patches that came and found no place.
+    pub refused: u32,
+    /// Slots that hold a patch, before this frame's.
+    pub resident: u32,
+    /// Slots that there are.
+    pub slots: u32,
+    /// Patches that had to go, since the model was added.
+    pub evicted: u64,
+    /// What fetching did, since then.
+    pub fetched: FetchStats,
+    /// The latest fault, until a request succeeds; or why a patch is never to be had.
+    pub fault: Option<String>,
+}
+
 /// One frame's account. Over all views; with n views every point is submitted n times.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameStats {
@@ -91,6 +118,8 @@ pub struct FrameStats {
     /// [`FrameInput::keep_lists`](crate::FrameInput::keep_lists) asks for it. One list for each view, instance, chunk of 2²²
     /// points and part of it with or without large footprints; numbers count from the chunk's first point.
     pub lists: Vec<Vec<u32>>,
+    /// Layered point clouds, in the order in which instances name them first.
+    pub layered: Vec<LayeredStats>,
     /// Pipelines built in this frame: 0 after warm-up.
     pub pipelines_built: u32,
 }

@@ -30,6 +30,7 @@ layout(set = 0, binding = 0, std140) uniform DrawParams {
     float tau;              // what the interval test compares errors with, per unit of distance
     uint radius_most;       // codes of radii: see packing.glsl
     uint radius_step;
+    uint slot_shift;        // layered: a patch's slot is a point's number shifted right by so many bits
 } params;
 
 // What a run of points has of its own. Twin: src/gpu/layout.rs.
@@ -37,6 +38,7 @@ layout(push_constant) uniform RunPush {
     uint first;             // compute: first point in the chunk, or first tile
     uint count;             // compute: number of points; triangles: their layer
     float least;            // least stored radius of its points, see Span
+    uint table;             // layered: where the steps of the chunk's slots begin; occlusion: the ball
 } run;
 
 const int FOOTPRINT_SPLAT = 0;      // Gaussian disk
@@ -76,6 +78,7 @@ layout(constant_id = 11) const int INTERVAL = INTERVAL_OFF;
 layout(constant_id = 12) const int RULE = 0;            // what errors are: see interval.glsl
 layout(constant_id = 13) const bool LISTED = false;     // quads: points are numbered by a list
 layout(constant_id = 14) const int PACKING = PACKING_FULL;
+layout(constant_id = 15) const bool LAYERED = false;    // radii, and which samples there are, come from a cut: see layered.glsl
 
 bool is_perspective() { return params.depth_map.z != 0.0; }
 

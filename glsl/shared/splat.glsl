@@ -12,6 +12,7 @@
 #include "packing.glsl"
 #include "pixel.glsl"
 #include "interval.glsl"
+#include "layered.glsl"
 #include "tolerance.glsl"
 
 const uint DRAWN = 0u;      // a sprite holds it
@@ -82,6 +83,7 @@ vec4 clipped_box(vec3 c, vec3 e1, vec3 e2) {
 // `i` is the point's number in its chunk.
 Splat project(uint i, Point point) {
     vec4 geometry = point.geometry;
+    bool there = !LAYERED || in_layers(i, geometry);
     Splat s;
     s.status = INVALID;
     // Squares of radii must not leave the range of floats: smaller and larger disks are points and planes.
@@ -101,7 +103,7 @@ Splat project(uint i, Point point) {
     if (!(sized && dot(abs(s.centre), vec3(1.0)) < 1e30)) {
         return s;
     }
-    if (!in_interval(i, geometry.xyz)) {
+    if (!(there && in_interval(i, geometry.xyz))) {
         s.status = NOT_IN_CUT;
         return s;
     }

@@ -1,5 +1,7 @@
 //! A cloud on the device: chunks that fit the smallest storage-buffer range, uploaded as the host records frames.
 
+use std::sync::Arc;
+
 use ash::vk;
 
 use crate::error::{Error, Result};
@@ -14,6 +16,7 @@ use crate::structure::nodes::{ErrorRule, NONE, Node, Nodes};
 use crate::structure::{Cloud, Flat};
 
 use super::faces::{self, Faces};
+use super::patches::Patches;
 use super::plan::CloudTraits;
 
 /// Points a chunk: 64 MiB of geometry, half the least `maxStorageBufferRange` of 128 MiB; a multiple of [`BLOCK`].
@@ -53,7 +56,22 @@ impl Chunk {
         let or = |b: &Option<Buffer>| b.as_ref().map_or(geometry, |b| b.handle);
         [geometry, or(&self.normals), or(&self.colors), or(&self.groups)]
     }
+
+    /// Points the set to the buffers; what is not there is stood in for by the geometry, and not read.
+    fn write_set(&self, context: &Context) {
+        let [geometry, normals, colors, groups] = self.streams();
+        let or = |b: &Option<Buffer>| b.as_ref().map_or(geometry, |b| b.handle);
+        let [links, nodes, frames] = [or(&self.links), or(&self.nodes), or(&self.frames)];
+        write_set(context, self.set, [geometry, normals, colors, groups, links, nodes, frames]);
+    }
 }
+
+/// What the streams of points are used for.
+const STREAM: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+    vk::BufferUsageFlags::VERTEX_BUFFER.as_raw()
+        | vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
+);
 
 /// A cloud that was added to a renderer.
 #[derive(Debug)]
@@ -66,19 +84,61 @@ pub struct DeviceCloud {
     pub chunks: Vec<Chunk>,
     /// The same of faces, after all points.
     pub faces: Vec<Faces>,
+    /// Of a layered point cloud, what the chunks hold.
+    pub patches: Option<Patches>,
     pool: vk::DescriptorPool,
 }
 
 impl DeviceCloud {
-    /// Nothing is uploaded yet.
-    pub fn new(context: &Context, cloud: Cloud) -> Result<DeviceCloud> {
+    /// Nothing is uploaded yet; a layered point cloud has all its memory from here on.
+    pub fn new(context: &mut Context, program: &Program, cloud: Cloud) -> Result<DeviceCloud> {
         let flat = cloud.flat();
+        let patches = cloud.layered().map(|model| Patches::new(Arc::clone(model))).transpose()?;
+        let slots: Vec<(u32, u32)> = patches.iter().flat_map(Patches::chunks).collect();
         let triangles = cloud.triangles().map_or(0, |t| t.len().div_ceil(faces::CHUNK));
-        let sets = (flat.len().div_ceil(CHUNK).max(1) + triangles) as u32;
+        let sets = (flat.len().div_ceil(CHUNK).max(1) + triangles + slots.len()) as u32;
         let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 7 * sets }];
         let pool = context.descriptor_pool("cloud.sets", sets, &sizes)?;
         let bounds = Block::around(&flat.blocks);
-        Ok(DeviceCloud { cloud, bounds, chunks: Vec::new(), faces: Vec::new(), pool })
+        let mut made = DeviceCloud { cloud, bounds, chunks: Vec::new(), faces: Vec::new(), patches, pool };
+        for (first, count) in slots {
+            match made.empty_chunk(context, program, first, count) {
+                Ok(chunk) => made.chunks.push(chunk),
+                Err(e) => {
+                    let mut unused = RetireQueue::default();
+                    made.retire(&mut unused, 0);
+                    unused.collect(context, 0);
+                    return Err(e);
+                }
+            }
+        }
+        Ok(made)
+    }
+
+    /// Room for so many points, in which there are none.
+    fn empty_chunk(&self, context: &mut Context, program: &Program, first: u32, count: u32) -> Result<Chunk> {
+        let flat = self.flat();
+        let wanted = [("geometry", 16, true), ("normals", 4, flat.has_normals()), ("colors", 4, flat.has_colors())];
+        let mut made = [const { None }; 3];
+        let all = (|| {
+            for (to, (name, bytes, _)) in made.iter_mut().zip(wanted).filter(|(_, (.., there))| *there) {
+                *to = Some(Buffer::new(context, name, bytes * count as u64, STREAM, Location::Device)?);
+            }
+            context.descriptor_sets(self.pool, &[program.sets[1]])
+        })();
+        match (all, made) {
+            (Ok(sets), [Some(geometry), normals, colors]) => {
+                let [frames, groups, links, nodes] = [const { None }; 4];
+                let chunk = Chunk { first, count, geometry, normals, colors, frames, groups, links, nodes, set: sets[0] };
+                chunk.write_set(context);
+                Ok(chunk)
+            }
+            (Ok(_), _) => unreachable!("geometry was made"),
+            (Err(e), made) => {
+                made.into_iter().flatten().for_each(|b| b.destroy(context));
+                Err(e)
+            }
+        }
     }
 
     /// Its points.
@@ -97,6 +157,7 @@ impl DeviceCloud {
             rule: self.cloud.nodes().map(|n| n.rule),
             triangles: self.cloud.triangles().is_some(),
             packing: flat.packing(),
+            layered: self.patches.is_some(),
         }
     }
 
@@ -112,6 +173,9 @@ impl DeviceCloud {
 
     /// Bytes that still have to be uploaded.
     pub fn pending(&self) -> u64 {
+        if let Some(patches) = &self.patches {
+            return patches.pending();
+        }
         let flat = self.flat();
         let (all, done) = (flat.len() as u64, self.resident() as u64);
         let nodes = self.cloud.nodes().map_or(0, |n| size_of_val(&n.links[..]) as u64);
@@ -127,6 +191,10 @@ impl DeviceCloud {
     /// until the frame is complete.
     pub fn upload_next(&mut self, context: &mut Context, program: &Program) -> Result<Option<Upload>> {
         let cloud = self.cloud.clone();
+        if self.patches.is_some() {
+            // Each frame says which.
+            return Ok(None);
+        }
         let (flat, first) = (cloud.flat(), self.resident());
         let count = (flat.len() - first).min(CHUNK);
         if count == 0 {
@@ -159,15 +227,7 @@ impl DeviceCloud {
         };
         let (first, count) = (first as u32, count as u32);
         let chunk = Chunk { first, count, geometry, normals, colors, frames, groups, links, nodes, set };
-        // What is not there is stood in for by the geometry, and not read.
-        let stand_in = chunk.geometry.handle;
-        let or = |b: &Option<Buffer>| b.as_ref().map_or(stand_in, |b| b.handle);
-        let [geometry, normals, colors, groups] = chunk.streams();
-        write_set(
-            context,
-            set,
-            [geometry, normals, colors, groups, or(&chunk.links), or(&chunk.nodes), or(&chunk.frames)],
-        );
+        chunk.write_set(context);
         self.chunks.push(chunk);
         Ok(Some(upload))
     }
@@ -193,14 +253,12 @@ pub(super) fn fill<const N: usize>(
 ) -> Result<([Option<Buffer>; N], Upload, vk::DescriptorSet)> {
     let bytes = |data: Option<&[u8]>| data.map_or(0, |d| (d.len() as u64).next_multiple_of(16));
     let mut made = [const { None }; N];
-    let usage =
-        vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
     let all = (|| -> Result<(Upload, vk::DescriptorSet)> {
         for (to, (name, data)) in made.iter_mut().zip(streams) {
             if let Some(data) = data {
                 // Bytes are read four at a time.
                 let size = (data.len() as u64).next_multiple_of(4);
-                *to = Some(Buffer::new(context, name, size, usage, Location::Device)?);
+                *to = Some(Buffer::new(context, name, size, STREAM, Location::Device)?);
             }
         }
         let mut upload = Upload::new(context, streams.iter().map(|(_, data)| bytes(*data)).sum())?;

@@ -180,7 +180,7 @@ pub fn record(recorder: &mut Recorder, bindings: &Bindings, lists: &Lists, listi
     let mut calls = 0;
     let (layout, point) = (bindings.program.layout, vk::PipelineBindPoint::COMPUTE);
     let push = |context: &Context, cmd, first| {
-        let run = RunPush { first, count: 0, least: 0.0, padding: [] };
+        let run = RunPush { first, count: 0, least: 0.0, table: 0, padding: [] };
         context.push(cmd, layout, RUN_STAGES, bytemuck::bytes_of(&run));
     };
     let mut tiles = |context: &Context, cmd, step| {

@@ -1,7 +1,9 @@
 //! The passes that draw splats into the library's own targets: one file a blend.
 
+pub mod assemble;
 pub mod cloud;
 pub mod count;
+pub mod cuts;
 pub mod faces;
 pub mod fuzzy;
 pub mod groups;
@@ -10,6 +12,7 @@ pub mod layers;
 pub mod list;
 pub mod opaque;
 pub mod params;
+pub mod patches;
 pub mod plan;
 pub mod slot;
 pub mod splats;

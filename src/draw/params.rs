@@ -177,7 +177,8 @@ impl Camera {
             tau: 0.0,
             radius_most: 0,
             radius_step: 0,
-            padding: [0; 33],
+            slot_shift: 0,
+            padding: [0; 32],
         }
     }
 

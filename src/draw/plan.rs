@@ -23,6 +23,8 @@ pub struct CloudTraits {
     pub triangles: bool,
     /// How many bytes its points have.
     pub packing: Packing,
+    /// Its points come in patches, with radii from a cut.
+    pub layered: bool,
 }
 
 /// What the host has that decides: all but the frame itself.
@@ -184,6 +186,7 @@ mod tests {
         rule: None,
         triangles: false,
         packing: Packing::Full,
+        layered: false,
     };
     const ALL: Surroundings = Surroundings {
         depth_target: true,

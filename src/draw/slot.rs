@@ -2,11 +2,12 @@
 
 use ash::vk;
 
+use super::cuts::CutTable;
 use super::layers::Layers;
 use super::list::{Listing, Lists};
 use super::targets::Targets;
 use crate::composite::Composite;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::Context;
 use crate::gpu::layout::{Counts, DrawParams, FrameParams};
 use crate::gpu::memory::Location;
@@ -41,8 +42,10 @@ pub struct Slot {
     pub kept: Option<Listing>,
     params: Buffer,
     frame_params: Buffer,
-    /// Stands in for all of them where nothing is compacted.
+    /// Stands in for all of them where nothing is compacted, and for the table of cuts where there is none.
     no_lists: Buffer,
+    /// Cuts of layered point clouds.
+    cuts: Option<Buffer>,
     pool: vk::DescriptorPool,
 }
 
@@ -80,7 +83,7 @@ impl Slot {
             let sizes = [
                 count(vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, 1),
                 count(vk::DescriptorType::UNIFORM_BUFFER, 1),
-                count(vk::DescriptorType::STORAGE_BUFFER, 7),
+                count(vk::DescriptorType::STORAGE_BUFFER, 8),
                 count(vk::DescriptorType::COMBINED_IMAGE_SAMPLER, 5),
             ];
             buffers.push(Buffer::new(context, "no lists", 16, storage, Location::Device)?);
@@ -112,6 +115,7 @@ impl Slot {
                     no_lists,
                     lists: None,
                     kept: None,
+                    cuts: None,
                     params,
                     frame_params,
                     pool,
@@ -176,7 +180,33 @@ impl Slot {
         for (binding, info) in (1..).zip(&lists) {
             writes.push(to(self.select_set, binding, vk::DescriptorType::STORAGE_BUFFER).buffer_info(info));
         }
+        let cuts = buffer(self.cuts.as_ref().map_or(self.no_lists.handle, |b| b.handle), vk::WHOLE_SIZE);
+        writes.push(to(self.select_set, 7, vk::DescriptorType::STORAGE_BUFFER).buffer_info(&cuts));
         context.write_sets(&writes);
+    }
+
+    /// Writes the table of cuts, making room for twice as much where there is none; the last frame is complete.
+    pub fn write_cuts(&mut self, context: &mut Context, table: &CutTable) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(&table.words);
+        let size = bytes.len() as u64;
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        if self.cuts.as_ref().is_none_or(|b| b.size < size) {
+            let most = context.limits.max_storage_buffer_range as u64;
+            if size > most {
+                return Err(Error::Unsupported(format!("{size} bytes of cuts in a frame: this device binds {most}")));
+            }
+            let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
+            let made = Buffer::new(context, "cuts", (2 * size).min(most), usage, Location::Upload)?;
+            if let Some(old) = self.cuts.replace(made) {
+                old.destroy(context);
+            }
+        }
+        if let Some(cuts) = &mut self.cuts {
+            cuts.bytes()[..bytes.len()].copy_from_slice(bytes);
+        }
+        Ok(())
     }
 
     /// Makes room for what a frame compacts; the last one is complete.
@@ -203,6 +233,9 @@ impl Slot {
         }
         if let Some(lists) = self.lists {
             lists.destroy(context);
+        }
+        if let Some(cuts) = self.cuts {
+            cuts.destroy(context);
         }
         if let Some(timestamps) = self.timestamps {
             timestamps.destroy(context);

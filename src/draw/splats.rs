@@ -35,6 +35,8 @@ pub struct Run {
     pub count: u32,
     /// See [`Span::least`].
     pub least: f32,
+    /// Where the table of its chunk's slots begins in [`CutTable`](super::cuts::CutTable), for layered point clouds.
+    pub table: u32,
     /// It may hold splats that a sprite cannot.
     pub large: bool,
     /// Number of the range that lists those of its points that are drawn; `None`: all are.
@@ -105,7 +107,7 @@ pub fn runs(spans: &[Span], chunks: &[[u32; 2]], blocks: &[Block], large: &[u32]
             let border = next.map_or(u32::MAX, |b| if is_large { b.first + b.count } else { b.first });
             let stop = end.min(first + count).min(border);
             let run =
-                Run { chunk, first: at - first, count: stop - at, least: span.least, large: is_large, range: None };
+                Run { chunk, first: at - first, count: stop - at, least: span.least, table: 0, large: is_large, range: None };
             match runs.last_mut() {
                 Some(last) if last.goes_on_with(&run) && last.large == run.large => last.count += run.count,
                 _ => runs.push(run),
@@ -120,7 +122,7 @@ impl Run {
     fn goes_on_with(&self, next: &Run) -> bool {
         self.chunk == next.chunk
             && self.first + self.count == next.first
-            && self.least.to_bits() == next.least.to_bits()
+            && (self.least.to_bits(), self.table) == (next.least.to_bits(), next.table)
             && self.range.is_none()
             && next.range.is_none()
     }
@@ -149,7 +151,7 @@ pub struct Bindings<'a> {
 struct Bound {
     variant: Option<Variant>,
     chunk: Option<usize>,
-    least: Option<u32>,
+    run: Option<(u32, u32)>,
 }
 
 impl Bindings<'_> {
@@ -217,7 +219,7 @@ impl Bindings<'_> {
         let (variant, layer) = draw.triangles;
         let pipeline = self.pipelines.get(&Variant { role, ..variant });
         context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
-        let push = RunPush { first: 0, count: layer, least: 0.0, padding: [] };
+        let push = RunPush { first: 0, count: layer, least: 0.0, table: 0, padding: [] };
         context.push(cmd, self.program.layout, RUN_STAGES, bytemuck::bytes_of(&push));
         let mut chunk = usize::MAX;
         for run in &draw.faces {
@@ -275,10 +277,10 @@ impl Bindings<'_> {
             self.bind_set(context, cmd, 1, chunk.set, &[]);
             bound.chunk = Some(run.chunk);
         }
-        if bound.least != Some(run.least.to_bits()) {
-            let push = RunPush { first: 0, count: 0, least: run.least, padding: [] };
+        if bound.run != Some((run.least.to_bits(), run.table)) {
+            let push = RunPush { first: 0, count: 0, least: run.least, table: run.table, padding: [] };
             context.push(cmd, self.program.layout, RUN_STAGES, bytemuck::bytes_of(&push));
-            bound.least = Some(run.least.to_bits());
+            bound.run = Some((run.least.to_bits(), run.table));
         }
         match (variant.quads, indirect) {
             (false, Some((lists, at))) => context.draw_indexed_indirect(cmd, lists.commands.handle, at),

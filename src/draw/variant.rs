@@ -148,6 +148,8 @@ pub struct Variant {
     pub listed: bool,
     /// PACKING.
     pub packing: Packing,
+    /// LAYERED.
+    pub layered: bool,
 }
 
 /// What becomes of splats that a sprite cannot hold.
@@ -192,6 +194,7 @@ impl Variant {
             test: cloud.rule.map(|rule| (style.interval, rule)),
             listed: false,
             packing: cloud.packing,
+            layered: cloud.layered,
         }
     }
 
@@ -220,6 +223,7 @@ impl Variant {
             test: if step == Step::Mark { test } else { None },
             listed: false,
             packing: if step == Step::Mark { packing } else { Packing::Full },
+            layered: false,
         }
     }
 
@@ -275,6 +279,7 @@ impl Variant {
                 // Radii lie elsewhere where there are both.
                 Packing::Quantised => 2 + (self.normals && self.colors) as u32,
             },
+            self.layered as u32,
         ];
         let sum = ColorTarget { format: sums_format(self.sums), blend: BlendMode::Replace };
         let surface = ColorTarget { format: SURFACE, blend: BlendMode::Replace };

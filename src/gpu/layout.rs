@@ -84,7 +84,9 @@ block! {
         radius_most: u32 = RADIUS_MOST,
         /// Bits from one code of a radius to the next.
         radius_step: u32 = RADIUS_STEP,
-    } pad 33
+        /// Bits of a point's number within its slot, for layered point clouds.
+        slot_shift: u32 = SLOT_SHIFT,
+    } pad 32
 }
 
 block! {
@@ -154,6 +156,8 @@ block! {
         count: u32 = COUNT,
         /// Least stored radius.
         least: f32 = LEAST,
+        /// Place in the table of cuts.
+        table: u32 = TABLE,
     } pad 0
 }
 

@@ -25,9 +25,15 @@ impl Upload {
 
     /// Writes `data` for the start of `to`.
     pub fn write(&mut self, to: &Buffer, data: &[u8]) {
+        self.write_at(to, 0, data);
+    }
+
+    /// Writes `data`, not empty, for the bytes of `to` from `offset` on.
+    pub fn write_at(&mut self, to: &Buffer, offset: u64, data: &[u8]) {
+        debug_assert!(offset + data.len() as u64 <= to.size, "within the buffer");
         let at = self.used;
         self.staging.bytes()[at as usize..at as usize + data.len()].copy_from_slice(data);
-        let copy = vk::BufferCopy { src_offset: at, dst_offset: 0, size: data.len() as u64 };
+        let copy = vk::BufferCopy { src_offset: at, dst_offset: offset, size: data.len() as u64 };
         self.copies.push((to.handle, copy));
         self.used += (data.len() as u64).next_multiple_of(16);
     }

@@ -23,6 +23,8 @@ pub fn cut(cloud: &Cloud, sight: &Sight, style: &Style, back_faces_culled: bool,
             hybrid.triangles.select(sight, instance, list);
             hybrid.tree.select(sight, style.interval, back_faces_culled, instance, list);
         }
+        // Its patches come and go: `select::layered`.
+        Cloud::Layered(_) => {}
     }
 }
 

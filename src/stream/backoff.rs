@@ -15,13 +15,15 @@ pub struct Backoff {
 }
 
 impl Default for Backoff {
-    /// 100 ms, doubled up to 30 s.
     fn default() -> Self {
-        Backoff { first: Duration::from_millis(100), cap: Duration::from_secs(30) }
+        Backoff::DEFAULT
     }
 }
 
 impl Backoff {
+    /// 100 ms, doubled up to 30 s.
+    pub const DEFAULT: Backoff = Backoff { first: Duration::from_millis(100), cap: Duration::from_secs(30) };
+
     /// The pause after `failures` in a row, of which there is at least one.
     pub(super) fn pause(&self, failures: u32, rng: &mut Rng) -> Duration {
         let doubled = self.first.saturating_mul(1 << failures.saturating_sub(1).min(31)).min(self.cap);

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::flat::Block;
 use super::hybrid::Triangles;
+use super::layered::Layered;
 use super::nodes::ErrorRule;
 use super::octree::Preset;
 use super::{Flat, Hybrid, Nodes, Octree, Packing, Sequential};
@@ -21,23 +22,26 @@ pub enum Cloud {
     Sequential(Arc<Sequential>),
     /// The same, with the faces that are drawn where they are large enough.
     Hybrid(Arc<Hybrid>),
+    /// Patches of a model on disk or behind a server: a renderer fetches them as views need them.
+    Layered(Arc<Layered>),
 }
 
 impl Cloud {
-    /// All points that any view may need, in stored order.
+    /// All points that any view may need, in stored order. Of a layered point cloud no points, but bounds and attributes.
     pub fn flat(&self) -> &Flat {
         match self {
             Cloud::Flat(flat) => flat,
             Cloud::Octree(octree) => &octree.flat,
             Cloud::Sequential(tree) => &tree.flat,
             Cloud::Hybrid(hybrid) => &hybrid.tree.flat,
+            Cloud::Layered(model) => &model.flat,
         }
     }
 
     /// What is tested point by point, if anything is.
     pub fn nodes(&self) -> Option<&Nodes> {
         match self {
-            Cloud::Flat(_) | Cloud::Octree(_) => None,
+            Cloud::Flat(_) | Cloud::Octree(_) | Cloud::Layered(_) => None,
             Cloud::Sequential(tree) => Some(&tree.nodes),
             Cloud::Hybrid(hybrid) => Some(&hybrid.tree.nodes),
         }
@@ -46,7 +50,7 @@ impl Cloud {
     /// Faces that are drawn besides points.
     pub fn triangles(&self) -> Option<&Triangles> {
         match self {
-            Cloud::Flat(_) | Cloud::Octree(_) | Cloud::Sequential(_) => None,
+            Cloud::Flat(_) | Cloud::Octree(_) | Cloud::Sequential(_) | Cloud::Layered(_) => None,
             Cloud::Hybrid(hybrid) => Some(&hybrid.triangles),
         }
     }
@@ -59,6 +63,14 @@ impl Cloud {
         self.flat().surface().chain(bounds)
     }
 
+    /// The model that patches come from.
+    pub fn layered(&self) -> Option<&Arc<Layered>> {
+        match self {
+            Cloud::Layered(model) => Some(model),
+            _ => None,
+        }
+    }
+
     /// Points of the input.
     pub fn points(&self) -> usize {
         match self {
@@ -66,21 +78,23 @@ impl Cloud {
             Cloud::Octree(octree) => octree.points as usize,
             Cloud::Sequential(tree) => tree.leaves as usize,
             Cloud::Hybrid(hybrid) => hybrid.tree.leaves as usize,
+            Cloud::Layered(model) => model.index.nodes.iter().map(|n| n.samples as usize).sum(),
         }
     }
 
-    /// Bytes of all that a view needs, here and on the device.
+    /// Bytes of all that a view needs, here and on the device. Of a layered point cloud the index alone.
     pub fn bytes(&self) -> u64 {
         match self {
             Cloud::Flat(flat) => flat.bytes(),
             Cloud::Octree(octree) => octree.bytes(),
             Cloud::Sequential(tree) => tree.bytes(),
             Cloud::Hybrid(hybrid) => hybrid.bytes(),
+            Cloud::Layered(model) => size_of_val(&model.index.nodes[..]) as u64,
         }
     }
 
     /// The same cloud in fewer bytes, or more. Takes as much memory again for a while; an [`Arc`] that is held elsewhere is
-    /// copied.
+    /// copied. Layered point clouds are not: their patches are kept as they are.
     pub fn packed(self, packing: Packing) -> Cloud {
         if packing == self.flat().packing() {
             return self;
@@ -90,6 +104,7 @@ impl Cloud {
             Cloud::Octree(octree) => Cloud::Octree(Arc::new(Arc::unwrap_or_clone(octree).packed(packing))),
             Cloud::Sequential(tree) => Cloud::Sequential(Arc::new(Arc::unwrap_or_clone(tree).packed(packing))),
             Cloud::Hybrid(hybrid) => Cloud::Hybrid(Arc::new(Arc::unwrap_or_clone(hybrid).packed(packing))),
+            Cloud::Layered(model) => Cloud::Layered(model),
         }
     }
 
@@ -109,6 +124,7 @@ impl Cloud {
                 _ => Structure::Sequential,
             },
             Cloud::Hybrid(_) => Structure::Hybrid,
+            Cloud::Layered(_) => Structure::Layered,
         }
     }
 }
@@ -140,5 +156,11 @@ impl From<Arc<Sequential>> for Cloud {
 impl From<Arc<Hybrid>> for Cloud {
     fn from(hybrid: Arc<Hybrid>) -> Cloud {
         Cloud::Hybrid(hybrid)
+    }
+}
+
+impl From<Layered> for Cloud {
+    fn from(model: Layered) -> Cloud {
+        Cloud::Layered(Arc::new(model))
     }
 }

@@ -24,6 +24,7 @@ mod hybrid;
 mod hybrid_common;
 #[path = "../common/golden.rs"]
 mod kept;
+mod layered;
 mod levels;
 mod one_pass;
 mod packing;

@@ -141,6 +141,11 @@ impl Cache {
         Room { wanted: free + below(2 * self.frame + 1), prefetch: free + below(2 * self.frame) }
     }
 
+    /// Slots that hold nothing.
+    pub fn vacant(&self) -> u32 {
+        self.free.len() as u32
+    }
+
     /// Patches that had to go.
     pub fn evicted(&self) -> u64 {
         self.evicted

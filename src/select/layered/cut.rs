@@ -53,6 +53,18 @@ pub struct Counts {
     pub samples: u64,
 }
 
+impl std::ops::AddAssign for Counts {
+    fn add_assign(&mut self, other: Counts) {
+        let Counts { visited, frustum, cone, drawn, missing, samples } = other;
+        self.visited += visited;
+        self.frustum += frustum;
+        self.cone += cone;
+        self.drawn += drawn;
+        self.missing += missing;
+        self.samples += samples;
+    }
+}
+
 /// What one view draws of one instance, and what it lacks.
 #[derive(Debug, Clone, Default)]
 pub struct Cut {

@@ -49,18 +49,22 @@ pub struct FetchOptions {
     pub seed: u64,
 }
 
-impl Default for FetchOptions {
+impl FetchOptions {
     /// 4 threads, 16 MiB in flight, gaps of 4 KiB, joined up to 256 KiB, 3 decodings.
+    pub const DEFAULT: FetchOptions = FetchOptions {
+        threads: 4,
+        in_flight: 16 << 20,
+        gap: 4 << 10,
+        join: 256 << 10,
+        decodings: 3,
+        backoff: Backoff::DEFAULT,
+        seed: 1,
+    };
+}
+
+impl Default for FetchOptions {
     fn default() -> Self {
-        FetchOptions {
-            threads: 4,
-            in_flight: 16 << 20,
-            gap: 4 << 10,
-            join: 256 << 10,
-            decodings: 3,
-            backoff: Backoff::default(),
-            seed: 1,
-        }
+        FetchOptions::DEFAULT
     }
 }
 

@@ -10,6 +10,7 @@ mod file;
 #[cfg(feature = "layered")]
 mod in_view;
 mod index;
+mod model;
 #[cfg(feature = "layered")]
 mod patch;
 #[cfg(feature = "layered")]
@@ -22,8 +23,7 @@ pub use file::is_model;
 #[cfg(feature = "layered")]
 pub use in_view::{InView, Patience, in_view};
 pub use index::{Index, Node};
-#[cfg(feature = "layered")]
-pub use patch::Patch;
+pub use model::{Layered, Patch, Streaming};
 #[cfg(feature = "layered")]
 pub use whole::{coarse, verify, whole};
 

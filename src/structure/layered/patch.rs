@@ -8,7 +8,7 @@ use std::slice::ChunksExact;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
-use super::{Index, MAX_SAMPLES};
+use super::{Index, MAX_SAMPLES, Patch};
 use crate::error::{Error, Place, Result};
 use crate::structure::file::Fnv;
 use crate::structure::octahedral;
@@ -30,20 +30,6 @@ pub(super) struct Sample {
     pub normal: u32,
     /// As in [`Flat`](crate::structure::Flat).
     pub color: u32,
-}
-
-/// The samples of a node, decoded. All arrays have the same length, in the order of storage: those that lie in the region
-/// of any descendant of the node are consecutive.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Patch {
-    /// Centres relative to the index's origin \[world units\].
-    pub positions: Vec<[f32; 3]>,
-    /// Each sample's own covering radius, among all samples of the model \[world units\]; finite and > 0.
-    pub radii: Vec<f32>,
-    /// [`octahedral`] codes.
-    pub normals: Option<Vec<u32>>,
-    /// sRGB bytes, red lowest, 255 on top.
-    pub colors: Option<Vec<u32>>,
 }
 
 /// What the samples of a model have.

@@ -1,0 +1,296 @@
+//! Patches of a layered point cloud on the device: slots of equal size in a few buffers, filled as frames ask for them. Nothing here
+//! waits: what is not there is not drawn, and coarser samples stand for it.
+
+use std::collections::{HashSet, VecDeque};
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::error::Result;
+use crate::gpu::Context;
+use crate::gpu::upload::Upload;
+use crate::select::Sight;
+use crate::select::layered::{Cache, Cut, Limit, Refine, Wish, affordable, factor_for, refine, wishes};
+use crate::stats::LayeredStats;
+use crate::stream::{Fetcher, Want};
+use crate::structure::flat::Block;
+use crate::structure::layered::{Layered, Patch};
+
+use super::cloud::{CHUNK, Chunk};
+use super::cuts::CutTable;
+use super::splats::Run;
+
+/// A patch as the device keeps it, made where it is decoded.
+#[derive(Debug)]
+struct Ready {
+    geometry: Vec<[f32; 4]>,
+    normals: Option<Vec<u32>>,
+    colors: Option<Vec<u32>>,
+    /// Of these samples alone, with their own radii.
+    bounds: Block,
+}
+
+impl Ready {
+    fn new(patch: Patch) -> Ready {
+        let place = |p: &[f32; 3]| Vec3::from_array(*p);
+        let bounds = Block {
+            first: 0,
+            count: patch.positions.len() as u32,
+            min: patch.positions.iter().map(place).fold(Vec3::INFINITY, Vec3::min),
+            max: patch.positions.iter().map(place).fold(Vec3::NEG_INFINITY, Vec3::max),
+            radius: patch.radii.iter().copied().fold(0.0, f32::max),
+        };
+        let geometry = patch.positions.iter().zip(&patch.radii).map(|([x, y, z], r)| [*x, *y, *z, *r]).collect();
+        Ready { geometry, normals: patch.normals, colors: patch.colors, bounds }
+    }
+
+    fn bytes(&self) -> u64 {
+        let words = |s: &Option<Vec<u32>>| s.as_ref().map_or(0, |s| size_of_val(&s[..]));
+        (size_of_val(&self.geometry[..]) + words(&self.normals) + words(&self.colors)) as u64
+    }
+}
+
+/// One view of one instance.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    /// Index of the view.
+    pub view: usize,
+    /// Index of the instance.
+    pub instance: usize,
+}
+
+/// What one view draws of one instance in this frame.
+#[derive(Debug)]
+struct Part {
+    seen: Seen,
+    cut: Cut,
+    /// Where its table begins.
+    table: u32,
+}
+
+/// The patches of one model.
+#[derive(Debug)]
+pub struct Patches {
+    model: Arc<Layered>,
+    cache: Cache,
+    fetcher: Fetcher<Ready>,
+    /// Slots have 2 to this many samples.
+    shift: u32,
+    slots: u32,
+    /// By slot.
+    bounds: Vec<Block>,
+    /// Came and not yet uploaded.
+    waiting: VecDeque<(u32, Ready)>,
+    /// Never to be had.
+    lost: HashSet<u32>,
+    /// Of this frame; the first `used`.
+    parts: Vec<Part>,
+    used: usize,
+    wanted: Vec<Want>,
+    stats: LayeredStats,
+}
+
+/// Slots of 2^`shift` samples that a chunk holds.
+fn of_chunk(shift: u32) -> u32 {
+    (CHUNK >> shift).max(1) as u32
+}
+
+impl Patches {
+    /// Starts the threads that fetch.
+    pub fn new(model: Arc<Layered>) -> Result<Patches> {
+        let options = &model.streaming;
+        let shift = model.largest().next_power_of_two().trailing_zeros();
+        let words = 4 + model.flat.has_normals() as u64 + model.flat.has_colors() as u64;
+        let slot = (4 * words) << shift;
+        let slots = (options.cache / slot).clamp(2, model.index.nodes.len().max(2) as u64) as u32;
+        let decoder = Arc::clone(&model);
+        let decode = move |node: u32, bytes: Vec<u8>| decoder.decode(node, &bytes).map(Ready::new);
+        let fetcher = Fetcher::with_options(Arc::clone(&model.access), options.fetch, decode)?;
+        let nothing = Block { first: 0, count: 0, min: Vec3::ZERO, max: Vec3::ZERO, radius: 0.0 };
+        Ok(Patches {
+            cache: Cache::new(&model.index, slots, options.ramp),
+            fetcher,
+            shift,
+            slots,
+            bounds: vec![nothing; slots as usize],
+            waiting: VecDeque::new(),
+            lost: HashSet::new(),
+            parts: Vec::new(),
+            used: 0,
+            wanted: Vec::new(),
+            stats: LayeredStats::default(),
+            model,
+        })
+    }
+
+    /// First points and numbers of points of the chunks that hold all slots.
+    pub fn chunks(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let (all, shift, step) = (self.slots, self.shift, of_chunk(self.shift));
+        (0..all).step_by(step as usize).map(move |first| (first << shift, step.min(all - first) << shift))
+    }
+
+    /// Bits of a point's number within its slot.
+    pub fn shift(&self) -> u32 {
+        self.shift
+    }
+
+    /// Bytes that came and are not uploaded.
+    pub fn pending(&self) -> u64 {
+        self.waiting.iter().map(|(_, patch)| patch.bytes()).sum()
+    }
+
+    /// Finds what the views draw, of what is there. `sights`: what this frame shows of the model.
+    pub fn select(
+        &mut self,
+        frame: u64,
+        completed: u64,
+        sights: &[(Seen, Sight)],
+        back_faces_culled: bool,
+        table: &mut CutTable,
+    ) {
+        let (index, streaming) = (&self.model.index, self.model.streaming);
+        self.cache.begin(frame, completed);
+        let mut options =
+            Refine { rule: streaming.rule, back_faces_culled, fade: streaming.fade, prefetch: streaming.prefetch, factor: 1.0 };
+        let all: Vec<Sight> = sights.iter().map(|(_, sight)| sight.clone()).collect();
+        let mut limit = |limit| options.factor = options.factor.max(factor_for(index, &all, &options, limit, 1.0));
+        // Where all of the model has room, nothing has to be found out.
+        if (self.slots as usize) < index.nodes.len() {
+            limit(Limit::Patches(self.slots));
+        }
+        if let Some(most) = streaming.samples {
+            limit(Limit::Samples(most));
+        }
+        self.used = sights.len();
+        while self.parts.len() < self.used {
+            let seen = Seen { view: 0, instance: 0 };
+            self.parts.push(Part { seen, cut: Cut::default(), table: 0 });
+        }
+        self.stats = LayeredStats { factor: options.factor, slots: self.slots, ..LayeredStats::default() };
+        for (part, (seen, sight)) in self.parts.iter_mut().zip(sights) {
+            part.seen = *seen;
+            refine(index, sight, &options, |node| self.cache.presence(node), &mut part.cut);
+            self.cache.mark(&part.cut);
+            let slot = |node| self.cache.slot(node).map(|slot| slot.index);
+            part.table = table.push(&part.cut, self.slots, slot);
+            self.stats.cut += part.cut.counts;
+        }
+    }
+
+    /// Takes in what has come, as far as `budget` bytes and the slots go, and asks for what the views lack. To be called after
+    /// [`select`](Patches::select); what is taken in is there in the next frame.
+    ///
+    /// Where there is no memory for the copies, everything stays as it is.
+    pub fn stream(&mut self, context: &mut Context, chunks: &[Chunk], budget: u64) -> Result<Option<Upload>> {
+        if self.waiting.is_empty() {
+            for (node, patch) in self.fetcher.take() {
+                match patch {
+                    Ok(patch) => self.waiting.push_back((node, patch)),
+                    Err(error) => {
+                        self.lost.insert(node);
+                        self.stats.fault = Some(error.to_string());
+                    }
+                }
+            }
+        }
+        let wishes = wishes(self.parts[..self.used].iter().map(|part| &part.cut));
+        let upload = self.take_in(context, chunks, budget, &wishes)?;
+        let lacking = |node: u32| {
+            self.cache.slot(node).is_none()
+                && !self.lost.contains(&node)
+                && self.waiting.iter().all(|(waits, _)| *waits != node)
+        };
+        let wishes: Vec<_> = wishes.into_iter().filter(|wish| lacking(wish.node)).collect();
+        let count = affordable(&wishes, self.model.streaming.wishes, self.cache.room());
+        self.wanted.clear();
+        self.wanted.extend(wishes[..count].iter().map(|w| Want {
+            key: w.node,
+            at: w.at,
+            bytes: w.bytes,
+            priority: w.priority,
+        }));
+        self.fetcher.want(&self.wanted);
+        self.stats.wished = count as u32;
+        Ok(upload)
+    }
+
+    fn take_in(
+        &mut self,
+        context: &mut Context,
+        chunks: &[Chunk],
+        budget: u64,
+        wishes: &[Wish],
+    ) -> Result<Option<Upload>> {
+        let mut bytes = 0;
+        let mut count = 0;
+        for (_, patch) in &self.waiting {
+            // The first in any case.
+            if count > 0 && bytes + patch.bytes() > budget {
+                break;
+            }
+            // Each stream of a patch is rounded up to 16.
+            bytes += patch.bytes() + 3 * 16;
+            count += 1;
+        }
+        if count == 0 {
+            return Ok(None);
+        }
+        let mut upload = Upload::new(context, bytes)?;
+        for (node, patch) in self.waiting.drain(..count) {
+            let wanted = wishes.iter().any(|wish| wish.node == node && wish.priority > 0.0);
+            // What found no place is asked for again if it is still wanted.
+            let Ok(slot) = self.cache.insert(node, wanted) else {
+                self.stats.refused += 1;
+                continue;
+            };
+            let chunk = &chunks[(slot.index / of_chunk(self.shift)) as usize];
+            let first = u64::from(slot.index % of_chunk(self.shift)) << self.shift;
+            upload.write_at(&chunk.geometry, 16 * first, bytemuck::cast_slice(&patch.geometry));
+            for (to, from) in [(&chunk.normals, &patch.normals), (&chunk.colors, &patch.colors)] {
+                if let Some((to, from)) = to.as_ref().zip(from.as_ref()) {
+                    upload.write_at(to, 4 * first, bytemuck::cast_slice(from));
+                }
+            }
+            self.bounds[slot.index as usize] = patch.bounds;
+            self.stats.arrived += 1;
+        }
+        Ok(Some(upload))
+    }
+
+    /// What a view draws of an instance, patch by patch, coarse to fine. `large`: whether a block, with the radius given, may hold
+    /// splats that a sprite cannot.
+    pub fn runs(&self, view: usize, instance: usize, mut large: impl FnMut(&Block) -> bool) -> Vec<Run> {
+        let used = &self.parts[..self.used];
+        let Some(part) = used.iter().find(|p| (p.seen.view, p.seen.instance) == (view, instance)) else {
+            return Vec::new();
+        };
+        let mut runs: Vec<Run> = Vec::with_capacity(part.cut.steps.len());
+        for step in part.cut.drawn() {
+            let Some(slot) = self.cache.slot(step.node) else { continue };
+            let block = self.bounds[slot.index as usize];
+            let (chunk, within) = (slot.index / of_chunk(self.shift), slot.index % of_chunk(self.shift));
+            runs.push(Run {
+                chunk: chunk as usize,
+                first: within << self.shift,
+                count: block.count,
+                least: 0.0,
+                table: part.table + chunk * of_chunk(self.shift),
+                large: large(&Block { radius: block.radius.max(step.radius), ..block }),
+                range: None,
+            });
+        }
+        runs
+    }
+
+    /// This frame's account.
+    pub fn stats(&self) -> LayeredStats {
+        let mut stats = self.stats.clone();
+        stats.fetched = self.fetcher.stats();
+        if let Some(fault) = self.fetcher.fault() {
+            stats.fault = Some(fault.to_string());
+        }
+        stats.evicted = self.cache.evicted();
+        stats.resident = self.slots - self.cache.vacant();
+        stats
+    }
+}
