@@ -152,6 +152,14 @@ impl Renderer {
         }
     }
 
+    /// Sets how many samples of a layered point cloud are drawn at most, over all views, from the next frame on
+    /// ([`Streaming::samples`](crate::structure::layered::Streaming::samples)). Others are ignored.
+    pub fn limit(&mut self, id: CloudId, samples: Option<u64>) {
+        if let Some(patches) = self.clouds.get_mut(&id).and_then(|cloud| cloud.patches.as_mut()) {
+            patches.samples = samples;
+        }
+    }
+
     /// Bytes that the next `prepare` calls have to upload.
     pub fn pending_upload(&self) -> u64 {
         self.clouds.values().map(DeviceCloud::pending).sum()

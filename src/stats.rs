@@ -63,6 +63,8 @@ pub struct LayeredStats {
     pub cut: Counts,
     /// Factor on the threshold, for a limit of samples or slots: 1 where there is none, or it is kept.
     pub factor: f64,
+    /// Balls of nodes that were tested for being behind other things.
+    pub tested: u32,
     /// Patches asked for.
     pub wished: u32,
     /// Patches taken in, to be drawn from the next frame on.

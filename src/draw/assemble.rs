@@ -86,7 +86,8 @@ impl Scene<'_> {
                 Voronoi::Cones | Voronoi::Off => None,
             };
             let instances = 0..clouds.len();
-            let draws = instances.map(|i| self.draw([number, i], camera, clouds[i], slabs.as_ref(), &mut all)).collect();
+            let draws =
+                instances.map(|i| self.draw([number, i], camera, clouds[i], slabs.as_ref(), &mut all)).collect();
             all.views.push(draws);
         }
         all

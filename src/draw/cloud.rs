@@ -129,7 +129,8 @@ impl DeviceCloud {
         match (all, made) {
             (Ok(sets), [Some(geometry), normals, colors]) => {
                 let [frames, groups, links, nodes] = [const { None }; 4];
-                let chunk = Chunk { first, count, geometry, normals, colors, frames, groups, links, nodes, set: sets[0] };
+                let chunk =
+                    Chunk { first, count, geometry, normals, colors, frames, groups, links, nodes, set: sets[0] };
                 chunk.write_set(context);
                 Ok(chunk)
             }

@@ -37,7 +37,8 @@ pub fn record(recorder: &mut Recorder, bindings: &Bindings, counts: &Buffer, vie
                     &[bindings.params, chunk.set, bindings.select],
                     &[draw.params],
                 );
-                let push = RunPush { first: run.first, count: run.count, least: run.least, table: run.table, padding: [] };
+                let push =
+                    RunPush { first: run.first, count: run.count, least: run.least, table: run.table, padding: [] };
                 context.push(cmd, layout, RUN_STAGES, bytemuck::bytes_of(&push));
                 context.dispatch(cmd, run.count.div_ceil(GROUP).min(GROUPS));
                 calls += 1;

@@ -87,6 +87,8 @@ pub struct Patches {
     parts: Vec<Part>,
     used: usize,
     wanted: Vec<Want>,
+    /// Drawn at most.
+    pub samples: Option<u64>,
     stats: LayeredStats,
 }
 
@@ -118,6 +120,7 @@ impl Patches {
             parts: Vec::new(),
             used: 0,
             wanted: Vec::new(),
+            samples: options.samples,
             stats: LayeredStats::default(),
             model,
         })
@@ -150,15 +153,20 @@ impl Patches {
     ) {
         let (index, streaming) = (&self.model.index, self.model.streaming);
         self.cache.begin(frame, completed);
-        let mut options =
-            Refine { rule: streaming.rule, back_faces_culled, fade: streaming.fade, prefetch: streaming.prefetch, factor: 1.0 };
+        let mut options = Refine {
+            rule: streaming.rule,
+            back_faces_culled,
+            fade: streaming.fade,
+            prefetch: streaming.prefetch,
+            factor: 1.0,
+        };
         let all: Vec<Sight> = sights.iter().map(|(_, sight)| sight.clone()).collect();
         let mut limit = |limit| options.factor = options.factor.max(factor_for(index, &all, &options, limit, 1.0));
         // Where all of the model has room, nothing has to be found out.
         if (self.slots as usize) < index.nodes.len() {
             limit(Limit::Patches(self.slots));
         }
-        if let Some(most) = streaming.samples {
+        if let Some(most) = self.samples {
             limit(Limit::Samples(most));
         }
         self.used = sights.len();

@@ -106,8 +106,15 @@ pub fn runs(spans: &[Span], chunks: &[[u32; 2]], blocks: &[Block], large: &[u32]
             let is_large = next.is_some_and(|b| b.first <= at);
             let border = next.map_or(u32::MAX, |b| if is_large { b.first + b.count } else { b.first });
             let stop = end.min(first + count).min(border);
-            let run =
-                Run { chunk, first: at - first, count: stop - at, least: span.least, table: 0, large: is_large, range: None };
+            let run = Run {
+                chunk,
+                first: at - first,
+                count: stop - at,
+                least: span.least,
+                table: 0,
+                large: is_large,
+                range: None,
+            };
             match runs.last_mut() {
                 Some(last) if last.goes_on_with(&run) && last.large == run.large => last.count += run.count,
                 _ => runs.push(run),

@@ -209,7 +209,7 @@ fn nothing_that_is_seen_is_left_out() {
                     match step.role {
                         Role::Outside => assert!(!meets(&sight, p, above as f64 * sight.radius_scale)),
                         Role::BackFacing => assert!(to_eye(&sight, p).0.dot(n.as_dvec3()) < 0.0),
-                        Role::Drawn => {}
+                        Role::Drawn | Role::Hidden => {}
                     }
                 }
                 beside += usize::from(step.role == Role::Outside);

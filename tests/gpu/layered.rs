@@ -87,7 +87,7 @@ fn views() -> Vec<(&'static str, View, f32)> {
         ("coarse", look(place, DVec3::ZERO, lens), 12.0),
         ("fine", look(place, DVec3::ZERO, lens), 2.0),
         ("near", look(dvec3(0.9, 0.5, 0.4), dvec3(0.7, 0.0, 0.2), lens), 3.0),
-        ("within", look(dvec3(0.7, 0.05, 0.0), dvec3(0.3, 0.0, 0.9), lens), 3.0),
+        ("within", look(dvec3(1.0, 0.0, 0.1), dvec3(0.6, 0.8, 0.0), lens), 3.0),
         ("orthographic", look(place, DVec3::ZERO, View::orthographic(2.6, aspect, 0.1, 9.0)), 4.0),
         ("flipped", look(place, DVec3::ZERO, flipped), 4.0),
     ]

@@ -104,7 +104,8 @@ impl Cache {
     /// Notes what a view of this frame draws and may want soon.
     pub fn mark(&mut self, cut: &Cut) {
         let drawn = 2 * self.frame + 1;
-        for step in cut.steps.iter().filter(|step| step.role == Role::Drawn) {
+        // What is hidden is drawn where a test in the frame finds it visible.
+        for step in cut.steps.iter().filter(|step| matches!(step.role, Role::Drawn | Role::Hidden)) {
             // Its ancestors are in the cut as well.
             if let Some(held) = self.held.get_mut(self.slots[step.node as usize] as usize) {
                 (held.used, held.busy) = (drawn, self.frame);

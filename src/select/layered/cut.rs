@@ -14,6 +14,9 @@ pub enum Role {
     BackFacing,
     /// It lies outside the frustum, with all below it. It counts for radii, nothing below it does.
     Outside,
+    /// It was behind other things when it was last tested, with all below it: drawn only where a test in this very frame finds
+    /// otherwise. It counts for radii, nothing below it does.
+    Hidden,
 }
 
 /// A node of a cut.
@@ -36,7 +39,7 @@ pub struct Step {
     pub limit: u32,
 }
 
-/// What a traversal met. `visited` = `drawn` + `frustum` + `cone` + `missing`.
+/// What a traversal met. `visited` = `drawn` + `frustum` + `cone` + `missing` + `occluded`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// Nodes that the rule asked for: the root, and all children of refined nodes.
@@ -49,18 +52,21 @@ pub struct Counts {
     pub drawn: u32,
     /// Of those, to be drawn, but not there.
     pub missing: u32,
+    /// Of those, to be drawn, but behind other things.
+    pub occluded: u32,
     /// Samples of drawn nodes that are drawn.
     pub samples: u64,
 }
 
 impl std::ops::AddAssign for Counts {
     fn add_assign(&mut self, other: Counts) {
-        let Counts { visited, frustum, cone, drawn, missing, samples } = other;
+        let Counts { visited, frustum, cone, drawn, missing, occluded, samples } = other;
         self.visited += visited;
         self.frustum += frustum;
         self.cone += cone;
         self.drawn += drawn;
         self.missing += missing;
+        self.occluded += occluded;
         self.samples += samples;
     }
 }

@@ -32,6 +32,6 @@ pub use budget::{Limit, factor_for};
 pub use cache::{Cache, Refused, Room, Slot};
 pub use cut::{Counts, Cut, Role, Step};
 pub use fade::{rank, shown};
-pub use refine::{Refine, Rule, refine};
+pub use refine::{Refine, Rule, refine, refine_visible};
 pub use time_budget::TimeBudget;
 pub use wish::{Wish, affordable, wishes};

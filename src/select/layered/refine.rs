@@ -121,6 +121,19 @@ impl Look<'_> {
 /// The cost is that of the nodes in the cut and their children. In the index every child comes after its parent, as its
 /// order by level says.
 pub fn refine(index: &Index, sight: &Sight, options: &Refine, presence: impl Fn(u32) -> f32, cut: &mut Cut) {
+    refine_visible(index, sight, options, presence, |_| false, cut);
+}
+
+/// The same where some nodes are known to be `hidden`: those have their place in the cut, and nothing below them is refined or
+/// wished for.
+pub fn refine_visible(
+    index: &Index,
+    sight: &Sight,
+    options: &Refine,
+    presence: impl Fn(u32) -> f32,
+    hidden: impl Fn(u32) -> bool,
+    cut: &mut Cut,
+) {
     cut.clear();
     let Some(root) = index.nodes.first() else { return };
     let look = Look { index, sight, options };
@@ -128,7 +141,7 @@ pub fn refine(index: &Index, sight: &Sight, options: &Refine, presence: impl Fn(
     let spacing = look.spacing(root);
     cut.counts.visited = 1;
     match look.role(root, spacing, spacing) {
-        Role::Outside => cut.counts.frustum = 1,
+        Role::Outside | Role::Hidden => cut.counts.frustum = 1,
         role if presence(0) > 0.0 => level.push(Found { node: 0, role, above: 0, side: 0, share: 1.0 }),
         Role::BackFacing => cut.counts.cone = 1,
         Role::Drawn => {
@@ -139,7 +152,10 @@ pub fn refine(index: &Index, sight: &Sight, options: &Refine, presence: impl Fn(
     while !level.is_empty() {
         // Levels are in order, numbers within them not yet.
         level.sort_unstable_by_key(|found| found.node);
-        for found in level.drain(..) {
+        for mut found in level.drain(..) {
+            if found.role == Role::Drawn && hidden(found.node) {
+                found.role = Role::Hidden;
+            }
             enter(&look, &found, &presence, cut, &mut next);
         }
         std::mem::swap(&mut level, &mut next);
@@ -169,6 +185,10 @@ fn enter(look: &Look, found: &Found, presence: &impl Fn(u32) -> f32, cut: &mut C
             cut.counts.frustum += 1;
             return;
         }
+        Role::Hidden => {
+            cut.counts.occluded += 1;
+            return;
+        }
         Role::BackFacing => cut.counts.cone += 1,
         Role::Drawn => cut.count(found.node, node.samples, limit),
     }
@@ -194,7 +214,7 @@ fn enter(look: &Look, found: &Found, presence: &impl Fn(u32) -> f32, cut: &mut C
                 let share = share.min(found.share).min(there);
                 next.push(Found { node: child, role, above: step, side, share });
             }
-            (true, false, Role::Outside) => cut.counts.frustum += 1,
+            (true, false, Role::Outside | Role::Hidden) => cut.counts.frustum += 1,
             (true, false, Role::BackFacing) => cut.counts.cone += 1,
             (true, false, Role::Drawn) => {
                 cut.counts.missing += 1;
