@@ -85,7 +85,11 @@ fn stage(path: &Path) -> Result<(shaderc::ShaderKind, &'static str)> {
 
 /// What a shader is compiled with, each time by itself: what splats' fragments do, triangles' do as well.
 fn variants(name: &str) -> &'static [Option<&'static str>] {
-    if name.starts_with("draw/") && name.ends_with(".frag") { &[None, Some("TRIANGLE")] } else { &[None] }
+    if name.starts_with("draw/") && name.ends_with(".frag") && name != "draw/occlusion.frag" {
+        &[None, Some("TRIANGLE")]
+    } else {
+        &[None]
+    }
 }
 
 fn compile(

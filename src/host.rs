@@ -48,12 +48,15 @@ pub struct Requirements {
     pub rasterization_order: vk::PhysicalDeviceRasterizationOrderAttachmentAccessFeaturesEXT<'static>,
     /// Of `VK_EXT_fragment_shader_interlock`; chain it where `extensions` has that name.
     pub interlock: vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT<'static>,
+    /// Of `VK_EXT_conditional_rendering`; chain it where `extensions` has that name.
+    pub conditional: vk::PhysicalDeviceConditionalRenderingFeaturesEXT<'static>,
 }
 
 /// Names of optional items that more than one place asks for.
 const ORDER: &str = "rasterizationOrderColorAttachmentAccess";
 const TURNS: &str = "fragmentShaderPixelInterlock";
 const LAYER: &str = "shaderOutputLayer";
+const CONDITION: &str = "conditionalRendering";
 
 impl Requirements {
     /// Asks a physical device. The instance must be of Vulkan 1.3 and the device belong to it.
@@ -66,6 +69,7 @@ impl Requirements {
         let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
         let mut order = vk::PhysicalDeviceRasterizationOrderAttachmentAccessFeaturesEXT::default();
         let mut turns = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default();
+        let mut condition = vk::PhysicalDeviceConditionalRenderingFeaturesEXT::default();
         let mut core = vk::PhysicalDeviceFeatures::default();
         // SAFETY: as above. A device that cannot even list its extensions has none.
         let listed = unsafe { instance.enumerate_device_extension_properties(physical_device) }.unwrap_or_default();
@@ -79,6 +83,9 @@ impl Requirements {
             if has(ext::fragment_shader_interlock::NAME) {
                 chain = chain.push_next(&mut turns);
             }
+            if has(ext::conditional_rendering::NAME) {
+                chain = chain.push_next(&mut condition);
+            }
             // SAFETY: as above, and the chain's structs are known to Vulkan 1.3 or the extensions that are there.
             unsafe { instance.get_physical_device_features2(physical_device, &mut chain) };
             core = chain.features;
@@ -88,6 +95,7 @@ impl Requirements {
             && core.fragment_stores_and_atomics == vk::TRUE
             && core.shader_storage_image_extended_formats == vk::TRUE;
         let layer = v12.shader_output_layer == vk::TRUE;
+        let condition = condition.conditional_rendering == vk::TRUE;
         let supports = |format, wanted| {
             // SAFETY: as above.
             let found = unsafe { instance.get_physical_device_format_properties(physical_device, format) };
@@ -111,11 +119,13 @@ impl Requirements {
             item(ORDER, "fuzzy by attachments: the interlock is used, or else two-pass", false, order),
             item(TURNS, "fuzzy by interlock: two-pass is drawn, unless attachments can be read in order", false, turns),
             item(LAYER, "groups: two-pass is drawn", false, layer),
+            item(CONDITION, "occlusion tests of layered point clouds: what is hidden is drawn too", false, condition),
             item("timestampComputeAndGraphics", "GPU times in the statistics", false, timestamps),
         ];
         let mut extensions = Vec::new();
         extensions.extend(order.then_some(ext::rasterization_order_attachment_access::NAME));
         extensions.extend(turns.then_some(ext::fragment_shader_interlock::NAME));
+        extensions.extend(condition.then_some(ext::conditional_rendering::NAME));
         Requirements {
             items,
             extensions,
@@ -130,6 +140,7 @@ impl Requirements {
                 .rasterization_order_color_attachment_access(order),
             interlock: vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
                 .fragment_shader_pixel_interlock(turns),
+            conditional: vk::PhysicalDeviceConditionalRenderingFeaturesEXT::default().conditional_rendering(condition),
             vulkan13: vk::PhysicalDeviceVulkan13Features::default()
                 .dynamic_rendering(true)
                 .synchronization2(true)
@@ -146,6 +157,9 @@ impl Requirements {
         }
         if self.extensions.contains(&ext::fragment_shader_interlock::NAME) {
             info = info.push_next(&mut self.interlock);
+        }
+        if self.extensions.contains(&ext::conditional_rendering::NAME) {
+            info = info.push_next(&mut self.conditional);
         }
         info
     }
@@ -169,6 +183,7 @@ impl Requirements {
                 ORDER => self.extensions.retain(|e| *e != ext::rasterization_order_attachment_access::NAME),
                 TURNS => self.extensions.retain(|e| *e != ext::fragment_shader_interlock::NAME),
                 LAYER => self.vulkan12.shader_output_layer = vk::FALSE,
+                CONDITION => self.extensions.retain(|e| *e != ext::conditional_rendering::NAME),
                 _ => {}
             }
         }
@@ -185,6 +200,7 @@ impl Requirements {
             rasterization_order: has(ORDER),
             interlock: if has(TURNS) { Interlock::Pixel } else { Interlock::Absent },
             output_layer: has(LAYER),
+            conditional: has(CONDITION),
             debug_utils,
         }
     }

@@ -11,7 +11,9 @@ use crate::draw::assemble::{Assembly, Scene};
 use crate::draw::cloud::DeviceCloud;
 use crate::draw::cuts::CutTable;
 use crate::draw::layers::{LayerPlan, Layers};
+use crate::draw::occlusion::Tested;
 use crate::draw::params::{Camera, frame_params};
+use crate::draw::patches::Occluding;
 use crate::draw::plan::{CloudTraits, FramePlan, Surroundings};
 use crate::draw::slot::{Read, Slot};
 use crate::draw::splats::{Bindings, Draw, RUN_STAGES, quad_indices};
@@ -29,8 +31,9 @@ use crate::gpu::retire::{RetireQueue, Retired};
 use crate::gpu::upload::Upload;
 use crate::gpu::{Context, Interlock};
 use crate::host::{CloudId, FrameInput, Host, Instance, Requirements, TargetFormats};
-use crate::stats::{FrameStats, OrderedAccess, PassTime, Skip};
+use crate::stats::{Culled, FrameStats, OrderedAccess, PassTime, Skip};
 use crate::structure::Cloud;
+use crate::style::{Footprint, Style};
 use crate::technique::Blend;
 
 /// Draws clouds into frames that a host records.
@@ -62,6 +65,46 @@ pub struct Renderer {
 struct Staged {
     cloud: Option<CloudId>,
     upload: Upload,
+}
+
+/// What a frame knows of the layered point clouds that it shows.
+#[derive(Default)]
+struct Streamed {
+    table: CutTable,
+    tested: Vec<Tested>,
+    /// In the order of the statistics.
+    models: Vec<CloudId>,
+}
+
+/// What a footprint covers beyond its radius \[px\].
+fn footprint_margin(style: &Style) -> f64 {
+    match style.footprint {
+        Footprint::Pixels(side) => 0.5 * side as f64,
+        Footprint::Splat => style.low_pass as f64,
+    }
+    .max(1.0)
+}
+
+/// Tells models what a frame's tests have found, and the statistics. Returns the number of points that were not drawn.
+fn learn(
+    clouds: &mut BTreeMap<CloudId, DeviceCloud>,
+    slot: &Slot,
+    answers: &[Option<bool>],
+    stats: &mut FrameStats,
+) -> u64 {
+    let mut hidden = 0;
+    for (test, visible) in slot.tested.iter().zip(answers).filter_map(|(test, answer)| Some((test, (*answer)?))) {
+        if let Some(patches) = clouds.get_mut(&test.cloud).and_then(|cloud| cloud.patches.as_mut()) {
+            patches.learn(test, slot.frame, visible);
+        }
+        if !visible && test.samples > 0 {
+            hidden += u64::from(test.samples);
+            if let Some(model) = slot.models.iter().position(|id| *id == test.cloud) {
+                stats.layered[model].hidden += 1;
+            }
+        }
+    }
+    hidden
 }
 
 /// A frame between `prepare` and `composite`.
@@ -229,13 +272,15 @@ impl Renderer {
         let cameras: Vec<Camera> = input.views.iter().map(|v| Camera::new(v, input.extent)).collect();
         let sprite_limit = if plan.quads { f64::MAX } else { self.context.limits.point_size_range[1] as f64 };
         let scene = Scene { input, plan: &plan, targets: targets.plan, sprite_limit, cameras: &cameras };
-        let table = self.stream(&scene, &mut stats)?;
+        let Streamed { table, tested, models } = self.stream(&scene, &mut stats)?;
         let of_instances: Vec<&DeviceCloud> = input.instances.iter().map(|i| self.cloud(i)).collect();
         let Assembly { views, params, listing } = scene.assemble(&of_instances);
         let any_large = views.iter().flatten().any(Draw::has_large);
         let keep = input.keep_lists && !listing.is_empty();
         self.slots[slot].ensure_lists(&mut self.context, &listing, keep)?;
         self.slots[slot].write_cuts(&mut self.context, &table)?;
+        self.slots[slot].ensure_tests(&mut self.context, tested)?;
+        self.slots[slot].models = models;
         if !any_large {
             stats.skipped.push(Skip {
                 stage: "large footprints",
@@ -273,6 +318,7 @@ impl Renderer {
             select: slot_ref.select_set,
             indices: self.indices.as_ref(),
             lists: slot_ref.lists.as_ref(),
+            tests: None,
             clouds: &cloud_refs,
         };
         let mut recorder = Recorder::new(&self.context, cmd, slot_ref.timestamps.as_mut());
@@ -281,9 +327,7 @@ impl Renderer {
         } else {
             stats.skipped.push(Skip { stage: "compaction", reason: "nothing is tested point by point by compute" });
         }
-        if input.count {
-            stats.draw_calls += count::record(&mut recorder, &bindings, &slot_ref.counts, &views);
-        } else {
+        if !input.count {
             stats.skipped.push(Skip { stage: "count", reason: "no statistics of points asked for" });
         }
         slot_ref.kept = keep.then_some(listing);
@@ -321,6 +365,7 @@ impl Renderer {
             select: slot.select_set,
             indices: self.indices.as_ref(),
             lists: slot.lists.as_ref(),
+            tests: slot.tests.as_ref().filter(|_| !slot.tested.is_empty()),
             clouds: &clouds,
         };
         let mut calls = 0;
@@ -337,7 +382,8 @@ impl Renderer {
                 Blend::Opaque => opaque::draw(&mut recorder, targets, layer, &bindings, draws, seed),
                 Blend::Fuzzy => {
                     let access = current.plan.ordered.expect("planned with a way to be drawn");
-                    fuzzy::draw(&mut recorder, targets, layer, &bindings, draws, access, seed)
+                    let front = |cmd| composite.draw_before(context, cmd, Before::FrontDepth, set, layer as u32, None);
+                    fuzzy::draw(&mut recorder, targets, layer, &bindings, draws, access, seed, front)
                 }
                 Blend::Groups => {
                     let layers = self.layers.as_mut().expect("made by prepare");
@@ -345,6 +391,10 @@ impl Renderer {
                     groups::draw(&mut recorder, targets, layer, layers, &bindings, draws, fold)
                 }
             };
+        }
+        if slot.counted {
+            // Only now is it known what of the doubtful is drawn.
+            calls += count::record(&mut recorder, &bindings, &slot.counts, &current.views);
         }
         // Ready for `composite`, which may not place barriers inside the host's pass.
         recorder.barrier(targets.images().map(|i| Use::Image(i, Access::FragmentRead)).collect());
@@ -401,10 +451,20 @@ impl Renderer {
             if let Some((listing, lists)) = slot.kept.take().zip(slot.lists.as_mut()) {
                 stats.lists = lists.read(&listing);
             }
+            let hidden = match &slot.tests {
+                Some(tests) => {
+                    let answers = match tests.read(&self.context, slot.tested.len()) {
+                        Err(Error::DeviceLost) => return Err(Error::DeviceLost),
+                        other => other.unwrap_or_default(),
+                    };
+                    learn(&mut self.clouds, slot, &answers, &mut stats)
+                }
+                None => 0,
+            };
             if slot.counted {
                 let (drawn, culled) = count::account(&slot.read_counts());
                 stats.points_drawn = Some(drawn);
-                stats.culled = Some(culled);
+                stats.culled = Some(Culled { occluded: hidden, ..culled });
             }
             done.push(stats);
         }
@@ -563,18 +623,25 @@ impl Renderer {
     }
 
     /// Selects what this frame draws of layered point clouds, takes in what has come of them, and asks for what is missing.
-    fn stream(&mut self, scene: &Scene, stats: &mut FrameStats) -> Result<CutTable> {
-        let mut table = CutTable::default();
-        let mut done: Vec<CloudId> = Vec::new();
-        for instance in scene.input.instances {
-            let id = instance.cloud;
+    fn stream(&mut self, scene: &Scene, stats: &mut FrameStats) -> Result<Streamed> {
+        let (input, plan) = (scene.input, scene.plan);
+        let mut streamed = Streamed::default();
+        let tests = match plan.blend {
+            Blend::Groups => false,
+            Blend::Fuzzy | Blend::TwoPass | Blend::Opaque => self.context.enabled.conditional,
+        };
+        let margin = tests.then(|| footprint_margin(input.style) / input.style.threshold as f64);
+        for instance in input.instances {
+            let (id, done) = (instance.cloud, &mut streamed.models);
             let Some(cloud) = self.clouds.get_mut(&id).filter(|c| c.patches.is_some() && !done.contains(&id)) else {
                 continue;
             };
             done.push(id);
             let (sights, culled) = scene.sights(cloud, |i| i.cloud == id);
             let Some(patches) = &mut cloud.patches else { continue };
-            patches.select(scene.input.id, self.completed, &sights, culled, &mut table);
+            let mut occluding =
+                Occluding { cloud: id, margin: margin.filter(|_| patches.occlusion()), tests: &mut streamed.tested };
+            patches.select(input.id, self.completed, &sights, culled, &mut streamed.table, &mut occluding);
             let staged: u64 = self.staged.iter().map(|s| s.upload.staging.size).sum();
             let budget = self.upload_budget.saturating_sub(staged);
             if let Some(upload) = patches.stream(&mut self.context, &cloud.chunks, budget)? {
@@ -582,18 +649,28 @@ impl Renderer {
             }
             stats.layered.push(patches.stats());
         }
-        Ok(table)
+        let mut skip = |reason| stats.skipped.push(Skip { stage: "occlusion", reason });
+        match stats.layered.iter().all(|l| l.occlusion_idle) {
+            _ if stats.layered.is_empty() => skip("no layered point cloud"),
+            _ if margin.is_none() => skip("conditionalRendering is not enabled, or the blend has one layer a group"),
+            true => skip("so little was hidden lately that new patches are drawn without a test"),
+            false if streamed.tested.is_empty() => skip("nothing is due to be tested"),
+            false => {}
+        }
+        Ok(streamed)
     }
 
     /// Records what is staged, and starts the frame's timestamps. Returns the bytes copied.
     fn record_uploads(&mut self, cmd: vk::CommandBuffer, slot: usize) -> u64 {
-        let mut timestamps = self.slots[slot].timestamps.as_mut();
-        if let Some(timestamps) = &mut timestamps {
+        if let Some(timestamps) = &mut self.slots[slot].timestamps {
             timestamps.reset(&self.context, cmd);
+        }
+        if let Some(tests) = self.slots[slot].tests.as_ref().filter(|_| !self.slots[slot].tested.is_empty()) {
+            tests.reset(&self.context, cmd, self.slots[slot].tested.len());
         }
         let staged = std::mem::take(&mut self.staged);
         if !staged.is_empty() {
-            let mut recorder = Recorder::new(&self.context, cmd, timestamps);
+            let mut recorder = Recorder::new(&self.context, cmd, self.slots[slot].timestamps.as_mut());
             // What a patch takes the place of, complete frames have read: layers that do not know the host's semaphores cannot tell.
             let before = vec![Use::Memory(Access::VertexRead, Access::CopyWrite)];
             recorder.pass("upload", before, |context, cmd| staged.iter().for_each(|s| s.upload.record(context, cmd)));
@@ -623,6 +700,13 @@ impl Renderer {
         let mut built = 0;
         if let Some(before) = before {
             built += self.composite.ensure_before(&self.context, before)? as u32;
+        }
+        if views.iter().flatten().any(|d| !d.tests.is_empty()) {
+            let variant = Variant::plain(Role::Occlusion);
+            built += self.pipelines.ensure(&self.context, &self.splats, variant)? as u32;
+            if plan.blend == Blend::Fuzzy {
+                built += self.composite.ensure_before(&self.context, Before::FrontDepth)? as u32;
+            }
         }
         for draw in views.iter().flatten() {
             for &role in roles {

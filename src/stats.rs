@@ -65,6 +65,10 @@ pub struct LayeredStats {
     pub factor: f64,
     /// Balls of nodes that were tested for being behind other things.
     pub tested: u32,
+    /// Patches that their test in this frame found hidden, and which were not drawn; known once the frame is complete.
+    pub hidden: u32,
+    /// So little was hidden lately that patches are not tested before they are drawn the first time.
+    pub occlusion_idle: bool,
     /// Patches asked for.
     pub wished: u32,
     /// Patches taken in, to be drawn from the next frame on.

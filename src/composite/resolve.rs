@@ -77,6 +77,8 @@ pub enum Before {
         /// Normals are there too.
         surface: bool,
     },
+    /// What `fuzzy` has drawn so far as depth.
+    FrontDepth,
     /// The layers of `groups` into one.
     Fold {
         /// Of the sums.
@@ -103,6 +105,7 @@ impl Composite {
             &spirv::COMPOSITE_RESOLVE_FRAG,
             &spirv::COMPOSITE_SEED_DEPTH_FRAG,
             &spirv::COMPOSITE_SEED_FRONT_FRAG,
+            &spirv::COMPOSITE_FRONT_DEPTH_FRAG,
             &spirv::COMPOSITE_FOLD_FRAG,
         ];
         let program = Program::new(context, "composite", shaders, false, Some(push))?;
@@ -133,6 +136,7 @@ impl Composite {
         let target = |format, blend| ColorTarget { format, blend };
         let (name, fragment, constants, colors) = match before {
             Before::SeedDepth => ("seed_depth", &spirv::COMPOSITE_SEED_DEPTH_FRAG, vec![], vec![]),
+            Before::FrontDepth => ("front_depth", &spirv::COMPOSITE_FRONT_DEPTH_FRAG, vec![], vec![]),
             Before::SeedFront { sums, surface } => {
                 let mut colors = vec![target(sums_format(sums), BlendMode::Keep), target(FRONT, BlendMode::Replace)];
                 colors.extend(surface.then_some(target(SURFACE, BlendMode::Keep)));
@@ -157,7 +161,7 @@ impl Composite {
                 streams: &[],
                 topology: vk::PrimitiveTopology::TRIANGLE_LIST,
                 colors: &colors,
-                depth: (before == Before::SeedDepth).then_some(depth),
+                depth: matches!(before, Before::SeedDepth | Before::FrontDepth).then_some(depth),
                 samples: vk::SampleCountFlags::TYPE_1,
                 view_mask: 0,
                 render_pass: None,

@@ -13,7 +13,7 @@ use super::faces::face_runs;
 use super::large::{may_hold_large, whole_in_front};
 use super::list::Listing;
 use super::params::{Camera, scale};
-use super::patches::Seen;
+use super::patches::{Seen, Shown};
 use super::plan::{CloudTraits, FramePlan};
 use super::slot::PARAMS_STRIDE;
 use super::splats::{Draw, Run, runs};
@@ -114,11 +114,11 @@ impl Scene<'_> {
             !plan.pixels && may_hold_large(block, camera, &matrix, radius_scale, low_pass, input.extent, *sprite_limit)
         };
         let mut list = DrawList::default();
-        let submitted = match &cloud.patches {
-            Some(patches) => patches.runs(view, instance, may_be_large),
+        let Shown { runs: submitted, doubtful, tests, balls } = match &cloud.patches {
+            Some(patches) => patches.shown(Seen { view, instance }, may_be_large),
             None => {
                 cut::cut(&cloud.cloud, &sight, style, plan.culls(style, &traits), 0, &mut list);
-                resident_runs(cloud, &list, may_be_large)
+                Shown { runs: resident_runs(cloud, &list, may_be_large), ..Shown::default() }
             }
         };
         let pairs = camera.needs_pairs(input.extent);
@@ -143,6 +143,9 @@ impl Scene<'_> {
             params,
             submitted,
             runs: drawn,
+            doubtful,
+            tests,
+            balls,
             test: main.test,
             main: main.of_list(listed),
             // Where the order counts, what a sprite cannot hold must not come after everything else.

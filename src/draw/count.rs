@@ -9,7 +9,7 @@ use crate::gpu::pass::{Recorder, Use};
 use crate::gpu::resource::Buffer;
 use crate::stats::Culled;
 
-use super::splats::{Bindings, Draw, RUN_STAGES};
+use super::splats::{Bindings, Draw, RUN_STAGES, Run};
 
 /// Threads of a group, as in `glsl/select/count.comp`.
 const GROUP: u32 = 64;
@@ -27,22 +27,22 @@ pub fn record(recorder: &mut Recorder, bindings: &Bindings, counts: &Buffer, vie
             let variant = draw.main.count(draw.test);
             let (layout, point) = (bindings.program.layout, vk::PipelineBindPoint::COMPUTE);
             context.bind_pipeline(cmd, point, bindings.pipelines.get(&variant));
-            for run in &draw.submitted {
+            let count = |run: &Run| {
                 let chunk = &bindings.clouds[draw.cloud].chunks[run.chunk];
-                context.bind_sets(
-                    cmd,
-                    point,
-                    layout,
-                    0,
-                    &[bindings.params, chunk.set, bindings.select],
-                    &[draw.params],
-                );
-                let push =
-                    RunPush { first: run.first, count: run.count, least: run.least, table: run.table, padding: [] };
+                let sets = [bindings.params, chunk.set, bindings.select];
+                context.bind_sets(cmd, point, layout, 0, &sets, &[draw.params]);
+                let (first, count, least, table) = (run.first, run.count, run.least, run.table);
+                let push = RunPush { first, count, least, table, padding: [] };
                 context.push(cmd, layout, RUN_STAGES, bytemuck::bytes_of(&push));
-                context.dispatch(cmd, run.count.div_ceil(GROUP).min(GROUPS));
-                calls += 1;
+                context.dispatch(cmd, count.div_ceil(GROUP).min(GROUPS));
+            };
+            draw.submitted.iter().for_each(count);
+            if let Some(tests) = bindings.tests {
+                draw.doubtful
+                    .iter()
+                    .for_each(|(run, number)| tests.where_visible(context, cmd, *number, || count(run)));
             }
+            calls += (draw.submitted.len() + draw.doubtful.len()) as u32;
         }
     });
     recorder.barrier(vec![Use::Memory(Access::ComputeWrite, Access::HostRead)]);

@@ -33,6 +33,14 @@ impl CutTable {
         }
         table as u32
     }
+
+    /// Adds a ball to be tested; returns its place, by vectors.
+    pub fn ball(&mut self, ball: [f32; 4]) -> u32 {
+        debug_assert!(self.words.len().is_multiple_of(4), "cuts are whole vectors");
+        let at = self.words.len() / 4;
+        self.words.extend(ball.map(f32::to_bits));
+        at as u32
+    }
 }
 
 #[cfg(test)]

@@ -3,16 +3,18 @@
 
 use ash::vk;
 
+use crate::gpu::Context;
 use crate::gpu::barrier::Access;
 use crate::gpu::pass::{Recorder, Targets as PassTargets, Use};
 use crate::stats::OrderedAccess;
 
+use super::occlusion::{self, any_doubtful};
 use super::splats::{Bindings, Draw};
 use super::targets::{ORDERED_CLEARS, Targets};
 use super::variant::Role;
 
-/// Draws one view into its layer. `seed` records what fills the limit from the host's depth, if there is any. Returns the
-/// number of draw calls.
+/// Draws one view into its layer. `seed` records what fills the limit from the host's depth, if there is any; `front_depth` what
+/// makes depth of the limit, for what is tested against it. Returns the number of draw calls.
 pub fn draw(
     recorder: &mut Recorder,
     targets: &mut Targets,
@@ -21,6 +23,7 @@ pub fn draw(
     draws: &[Draw],
     access: OrderedAccess,
     seed: Option<impl FnOnce(vk::CommandBuffer) -> u32>,
+    front_depth: impl FnOnce(vk::CommandBuffer) -> u32,
 ) -> u32 {
     let mut calls = 0;
     let extent = targets.plan.extent;
@@ -34,26 +37,52 @@ pub fn draw(
         let targets = PassTargets { colors: &colors, depth: None, extent, layers: 1 };
         recorder.draw("seed front", uses, &targets, |_, cmd| calls += seed.map_or(0, |seed| seed(cmd)));
     }
+    let clears = (!seeded).then_some(&ORDERED_CLEARS[..]);
+    let all = |context: &Context, cmd| bindings.draw_ordered(context, cmd, Role::Fuzzy(access), draws);
+    calls += pass(recorder, targets, layer, bindings, access, ("fuzzy", first && !seeded, clears), all);
+    if draws.iter().all(|d| d.tests.is_empty()) {
+        return calls;
+    }
+    let depth = Some(targets.depth_attachment(layer, true));
+    let mut uses = vec![Use::layer(&mut targets.depth, Access::DepthWrite, first)];
+    uses.extend(targets.front.as_mut().map(|front| Use::Image(front, Access::FragmentRead)));
+    let target = PassTargets { colors: &[], depth, extent, layers: 1 };
+    recorder.draw("front depth", uses, &target, |_, cmd| calls += front_depth(cmd));
+    calls += occlusion::record(recorder, targets, layer, bindings, draws);
+    if any_doubtful(draws) {
+        let rest = |context: &Context, cmd| bindings.draw_doubtful(context, cmd, Role::Fuzzy(access), draws, true);
+        calls += pass(recorder, targets, layer, bindings, access, ("fuzzy, uncovered", false, None), rest);
+    }
+    calls
+}
+
+/// One pass over a layer; `body` returns the number of its draw calls. The name, whether what the images hold is given up, and what
+/// they are cleared to.
+fn pass(
+    recorder: &mut Recorder,
+    targets: &mut Targets,
+    layer: usize,
+    bindings: &Bindings,
+    access: OrderedAccess,
+    (name, discard, clears): (&'static str, bool, Option<&[[f32; 4]]>),
+    body: impl FnOnce(&Context, vk::CommandBuffer) -> u32,
+) -> u32 {
+    let mut calls = 0;
+    let extent = targets.plan.extent;
     let (images, ordered) = targets.split_ordered(layer);
     let attachments = images.len();
     let to = match access {
         OrderedAccess::RasterizationOrder => Access::ColorOrdered,
         OrderedAccess::Interlock => Access::FragmentStorage,
     };
-    let uses = images.into_iter().map(|i| Use::layer(i, to, first && !seeded)).collect();
-    let role = Role::Fuzzy(access);
-    let body = |context: &_, cmd| {
+    let uses = images.into_iter().map(|i| Use::layer(i, to, discard)).collect();
+    let record = |context: &Context, cmd| {
         bindings.bind_ordered(context, cmd, access, ordered.set);
-        calls += bindings.draw_ordered(context, cmd, role, draws);
+        calls = body(context, cmd);
     };
     match &ordered.target {
-        Some(target) => {
-            let clears = (!seeded).then_some(&ORDERED_CLEARS[..attachments]);
-            recorder.draw_ordered("fuzzy", uses, target, clears, body);
-        }
-        None => {
-            recorder.draw("fuzzy", uses, &PassTargets { colors: &[], depth: None, extent, layers: 1 }, body);
-        }
+        Some(target) => recorder.draw_ordered(name, uses, target, clears.map(|c| &c[..attachments]), record),
+        None => recorder.draw(name, uses, &PassTargets { colors: &[], depth: None, extent, layers: 1 }, record),
     }
     calls
 }

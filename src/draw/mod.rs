@@ -10,6 +10,7 @@ pub mod groups;
 pub mod large;
 pub mod layers;
 pub mod list;
+pub mod occlusion;
 pub mod opaque;
 pub mod params;
 pub mod patches;

@@ -3,8 +3,9 @@
 use ash::vk;
 
 use crate::gpu::barrier::Access;
-use crate::gpu::pass::{Recorder, Targets as PassTargets, Use};
+use crate::gpu::pass::{Attachment, Recorder, Targets as PassTargets, Use};
 
+use super::occlusion::{self, any_doubtful};
 use super::splats::{Bindings, Draw};
 use super::targets::Targets;
 use super::variant::Role;
@@ -40,5 +41,18 @@ pub fn draw(
     recorder.draw("opaque", uses, &PassTargets { colors: &colors, depth, extent, layers: 1 }, |context, cmd| {
         calls += bindings.draw(context, cmd, Role::Opaque, draws)
     });
+    calls += occlusion::record(recorder, targets, layer, bindings, draws);
+    if any_doubtful(draws) {
+        let colors: Vec<_> =
+            targets.sum_attachments(layer).into_iter().map(|a| Attachment { clear: None, ..a }).collect();
+        let depth = Some(targets.depth_attachment(layer, false));
+        let (depth_image, sums) = targets.split();
+        let mut uses = vec![Use::Image(depth_image, Access::DepthWrite)];
+        uses.extend(sums.map(|i| Use::Image(i, Access::ColorWrite)));
+        let pass = PassTargets { colors: &colors, depth, extent, layers: 1 };
+        recorder.draw("opaque, uncovered", uses, &pass, |context, cmd| {
+            calls += bindings.draw_doubtful(context, cmd, Role::Opaque, draws, false)
+        });
+    }
     calls
 }

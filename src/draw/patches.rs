@@ -9,15 +9,19 @@ use glam::Vec3;
 use crate::error::Result;
 use crate::gpu::Context;
 use crate::gpu::upload::Upload;
+use crate::host::CloudId;
 use crate::select::Sight;
-use crate::select::layered::{Cache, Cut, Limit, Refine, Wish, affordable, factor_for, refine, wishes};
+use crate::select::layered::{
+    Cache, Cut, Limit, Occlusion, Refine, Verdict, Wish, affordable, factor_for, refine_visible, tested_ball, wishes,
+};
 use crate::stats::LayeredStats;
 use crate::stream::{Fetcher, Want};
 use crate::structure::flat::Block;
-use crate::structure::layered::{Layered, Patch};
+use crate::structure::layered::{Index, Layered, Patch};
 
 use super::cloud::{CHUNK, Chunk};
 use super::cuts::CutTable;
+use super::occlusion::Tested;
 use super::splats::Run;
 
 /// A patch as the device keeps it, made where it is decoded.
@@ -51,7 +55,7 @@ impl Ready {
 }
 
 /// One view of one instance.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Seen {
     /// Index of the view.
     pub view: usize,
@@ -66,6 +70,80 @@ struct Part {
     cut: Cut,
     /// Where its table begins.
     table: u32,
+    /// What is known of its nodes.
+    known: Occlusion,
+    /// What becomes of each step.
+    verdicts: Vec<Verdict>,
+    /// Numbers of its queries, and their balls.
+    tests: std::ops::Range<u32>,
+    balls: Vec<u32>,
+}
+
+/// What a view draws of an instance.
+#[derive(Debug, Default)]
+pub struct Shown {
+    /// In any case.
+    pub runs: Vec<Run>,
+    /// Where the query of this number finds it visible.
+    pub doubtful: Vec<(Run, u32)>,
+    /// Numbers of the queries, and the places of their balls in the table.
+    pub tests: std::ops::Range<u32>,
+    /// One a query.
+    pub balls: Vec<u32>,
+}
+
+/// What a frame does about occlusion.
+pub struct Occluding<'a> {
+    /// The model's name in this frame.
+    pub cloud: CloudId,
+    /// Size of what a footprint covers beyond its radius, over the threshold; `None`: nothing is tested.
+    pub margin: Option<f64>,
+    /// All tests of the frame, by number.
+    pub tests: &'a mut Vec<Tested>,
+}
+
+impl Part {
+    fn new(seen: Seen) -> Part {
+        Part {
+            seen,
+            cut: Cut::default(),
+            table: 0,
+            known: Occlusion::default(),
+            verdicts: Vec::new(),
+            tests: 0..0,
+            balls: Vec::new(),
+        }
+    }
+
+    /// Decides which nodes are tested, and which of them are drawn only if they are visible.
+    fn judge(&mut self, index: &Index, sight: &Sight, frame: u64, table: &mut CutTable, occluding: &mut Occluding) {
+        let Part { seen, cut, known, verdicts, balls, .. } = self;
+        let first = occluding.tests.len() as u32;
+        balls.clear();
+        verdicts.clear();
+        verdicts.resize(cut.steps.len(), Verdict::Draw);
+        if let Some(margin) = occluding.margin {
+            let mut alone = true;
+            for step in (0..cut.steps.len()).filter(|s| cut.steps[*s].role.is_shown()) {
+                let node = cut.steps[step].node;
+                let Some(ball) = tested_ball(index, sight, cut, step, sight.tau * margin) else {
+                    known.forget(node);
+                    alone = false;
+                    continue;
+                };
+                let verdict = known.ask(node, frame, alone);
+                alone &= verdict == Verdict::TestFirst;
+                verdicts[step] = verdict;
+                if verdict != Verdict::Draw {
+                    balls.push(table.ball(ball));
+                    let samples = if verdict == Verdict::TestFirst { index.nodes[node as usize].samples } else { 0 };
+                    occluding.tests.push(Tested { cloud: occluding.cloud, seen: *seen, node, samples });
+                }
+            }
+            known.keep(frame);
+        }
+        self.tests = first..occluding.tests.len() as u32;
+    }
 }
 
 /// The patches of one model.
@@ -137,6 +215,11 @@ impl Patches {
         self.shift
     }
 
+    /// Whether what is hidden is looked for.
+    pub fn occlusion(&self) -> bool {
+        self.model.streaming.occlusion
+    }
+
     /// Bytes that came and are not uploaded.
     pub fn pending(&self) -> u64 {
         self.waiting.iter().map(|(_, patch)| patch.bytes()).sum()
@@ -150,6 +233,7 @@ impl Patches {
         sights: &[(Seen, Sight)],
         back_faces_culled: bool,
         table: &mut CutTable,
+        occluding: &mut Occluding,
     ) {
         let (index, streaming) = (&self.model.index, self.model.streaming);
         self.cache.begin(frame, completed);
@@ -171,17 +255,22 @@ impl Patches {
         }
         self.used = sights.len();
         while self.parts.len() < self.used {
-            let seen = Seen { view: 0, instance: 0 };
-            self.parts.push(Part { seen, cut: Cut::default(), table: 0 });
+            self.parts.push(Part::new(Seen { view: 0, instance: 0 }));
         }
         self.stats = LayeredStats { factor: options.factor, slots: self.slots, ..LayeredStats::default() };
         for (part, (seen, sight)) in self.parts.iter_mut().zip(sights) {
-            part.seen = *seen;
-            refine(index, sight, &options, |node| self.cache.presence(node), &mut part.cut);
+            if part.seen != *seen {
+                *part = Part::new(*seen);
+            }
+            let hidden = |node| occluding.margin.is_some() && part.known.hidden(node);
+            refine_visible(index, sight, &options, |node| self.cache.presence(node), hidden, &mut part.cut);
             self.cache.mark(&part.cut);
             let slot = |node| self.cache.slot(node).map(|slot| slot.index);
             part.table = table.push(&part.cut, self.slots, slot);
+            part.judge(index, sight, frame, table, occluding);
             self.stats.cut += part.cut.counts;
+            self.stats.tested += part.balls.len() as u32;
+            self.stats.occlusion_idle |= part.known.is_idle();
         }
     }
 
@@ -267,17 +356,15 @@ impl Patches {
 
     /// What a view draws of an instance, patch by patch, coarse to fine. `large`: whether a block, with the radius given, may hold
     /// splats that a sprite cannot.
-    pub fn runs(&self, view: usize, instance: usize, mut large: impl FnMut(&Block) -> bool) -> Vec<Run> {
-        let used = &self.parts[..self.used];
-        let Some(part) = used.iter().find(|p| (p.seen.view, p.seen.instance) == (view, instance)) else {
-            return Vec::new();
-        };
-        let mut runs: Vec<Run> = Vec::with_capacity(part.cut.steps.len());
-        for step in part.cut.drawn() {
-            let Some(slot) = self.cache.slot(step.node) else { continue };
+    pub fn shown(&self, seen: Seen, mut large: impl FnMut(&Block) -> bool) -> Shown {
+        let Some(part) = self.parts[..self.used].iter().find(|p| p.seen == seen) else { return Shown::default() };
+        let mut shown = Shown { tests: part.tests.clone(), balls: part.balls.clone(), ..Shown::default() };
+        let mut query = part.tests.start;
+        for (step, verdict) in part.cut.steps.iter().zip(&part.verdicts) {
+            let Some(slot) = self.cache.slot(step.node).filter(|_| step.role.is_shown()) else { continue };
             let block = self.bounds[slot.index as usize];
             let (chunk, within) = (slot.index / of_chunk(self.shift), slot.index % of_chunk(self.shift));
-            runs.push(Run {
+            let run = Run {
                 chunk: chunk as usize,
                 first: within << self.shift,
                 count: block.count,
@@ -285,9 +372,21 @@ impl Patches {
                 table: part.table + chunk * of_chunk(self.shift),
                 large: large(&Block { radius: block.radius.max(step.radius), ..block }),
                 range: None,
-            });
+            };
+            match verdict {
+                Verdict::TestFirst => shown.doubtful.push((run, query)),
+                Verdict::Draw | Verdict::Recheck => shown.runs.push(run),
+            }
+            query += (*verdict != Verdict::Draw) as u32;
         }
-        runs
+        shown
+    }
+
+    /// A test of an earlier frame has found this.
+    pub fn learn(&mut self, test: &Tested, frame: u64, visible: bool) {
+        if let Some(part) = self.parts[..self.used].iter_mut().find(|p| p.seen == test.seen) {
+            part.known.learn(test.node, frame, visible);
+        }
     }
 
     /// This frame's account.

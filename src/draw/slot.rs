@@ -5,6 +5,7 @@ use ash::vk;
 use super::cuts::CutTable;
 use super::layers::Layers;
 use super::list::{Listing, Lists};
+use super::occlusion::{Tested, Tests};
 use super::targets::Targets;
 use crate::composite::Composite;
 use crate::error::{Error, Result};
@@ -14,7 +15,7 @@ use crate::gpu::memory::Location;
 use crate::gpu::program::Program;
 use crate::gpu::query::Timestamps;
 use crate::gpu::resource::Buffer;
-use crate::host::HostDepth;
+use crate::host::{CloudId, HostDepth};
 use crate::stats::FrameStats;
 
 /// One frame in flight.
@@ -38,6 +39,12 @@ pub struct Slot {
     pub counts: Buffer,
     /// What compaction takes, where there was any.
     pub lists: Option<Lists>,
+    /// Occlusion queries, where there were any, and what they are of.
+    pub tests: Option<Tests>,
+    /// By number.
+    pub tested: Vec<Tested>,
+    /// Layered point clouds of the frame, in the order of its statistics.
+    pub models: Vec<CloudId>,
     /// What the frame's lists are of, where they are kept for the processor.
     pub kept: Option<Listing>,
     params: Buffer,
@@ -116,6 +123,9 @@ impl Slot {
                     lists: None,
                     kept: None,
                     cuts: None,
+                    tests: None,
+                    tested: Vec::new(),
+                    models: Vec::new(),
                     params,
                     frame_params,
                     pool,
@@ -209,6 +219,20 @@ impl Slot {
         Ok(())
     }
 
+    /// Makes room for a frame's tests; the last one is complete.
+    pub fn ensure_tests(&mut self, context: &mut Context, tested: Vec<Tested>) -> Result<()> {
+        let count = tested.len();
+        self.tested = tested;
+        if count == 0 || self.tests.as_ref().is_some_and(|tests| tests.holds(count)) {
+            return Ok(());
+        }
+        let made = Tests::new(context, count as u32)?;
+        if let Some(old) = self.tests.replace(made) {
+            old.destroy(context);
+        }
+        Ok(())
+    }
+
     /// Makes room for what a frame compacts; the last one is complete.
     pub fn ensure_lists(&mut self, context: &mut Context, listing: &Listing, keep: bool) -> Result<()> {
         if listing.is_empty() || self.lists.as_ref().is_some_and(|l| l.holds(listing, keep)) {
@@ -236,6 +260,9 @@ impl Slot {
         }
         if let Some(cuts) = self.cuts {
             cuts.destroy(context);
+        }
+        if let Some(tests) = self.tests {
+            tests.destroy(context);
         }
         if let Some(timestamps) = self.timestamps {
             timestamps.destroy(context);

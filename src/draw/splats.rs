@@ -13,6 +13,7 @@ use crate::structure::flat::{BLOCK, Block};
 use super::cloud::DeviceCloud;
 use super::faces::FaceRun;
 use super::list::{Lists, Test};
+use super::occlusion::Tests;
 use super::variant::{Pipelines, Role, Variant};
 
 /// Indices of one block of quads: 0 1 2, 2 1 3, then four on.
@@ -54,6 +55,12 @@ pub struct Draw {
     pub submitted: Vec<Run>,
     /// What is drawn, in this order: that, or ranges of a list of it.
     pub runs: Vec<Run>,
+    /// What is drawn only where the query of this number finds it visible, after everything else.
+    pub doubtful: Vec<(Run, u32)>,
+    /// Numbers of the queries of this draw, and the places of their balls in [`CutTable`](super::cuts::CutTable).
+    pub tests: std::ops::Range<u32>,
+    /// One a query.
+    pub balls: Vec<u32>,
     /// What decides a point by itself, wherever that is done.
     pub test: Test,
     /// Variant for everything.
@@ -67,12 +74,12 @@ pub struct Draw {
 }
 
 impl Draw {
-    /// Points submitted.
+    /// Points submitted, those too that a test may keep from being drawn.
     pub fn points(&self) -> u64 {
-        self.submitted.iter().map(|r| r.count as u64).sum()
+        self.submitted.iter().chain(self.doubtful.iter().map(|(run, _)| run)).map(|r| r.count as u64).sum()
     }
 
-    /// Whether nothing is drawn.
+    /// Whether nothing is drawn but what is doubtful.
     pub fn is_empty(&self) -> bool {
         self.runs.is_empty() && self.faces.is_empty()
     }
@@ -84,7 +91,7 @@ impl Draw {
 
     /// Whether there may be splats that a sprite cannot hold.
     pub fn has_large(&self) -> bool {
-        self.runs.iter().any(|r| r.large)
+        self.runs.iter().chain(self.doubtful.iter().map(|(run, _)| run)).any(|r| r.large)
     }
 }
 
@@ -149,13 +156,15 @@ pub struct Bindings<'a> {
     pub indices: Option<&'a Buffer>,
     /// What ranges refer to; there whenever a run has one.
     pub lists: Option<&'a Lists>,
+    /// What decides about doubtful runs; there whenever there is one.
+    pub tests: Option<&'a Tests>,
     /// The frame's clouds.
     pub clouds: &'a [&'a DeviceCloud],
 }
 
 /// What is bound, so that it is not bound again.
 #[derive(Default)]
-struct Bound {
+pub(super) struct Bound {
     variant: Option<Variant>,
     chunk: Option<usize>,
     run: Option<(u32, u32)>,
@@ -212,7 +221,35 @@ impl Bindings<'_> {
         calls
     }
 
-    fn begin(&self, context: &Context, cmd: vk::CommandBuffer, draw: &Draw) -> Bound {
+    /// Records one role's doubtful runs of a view. `ordered`: as [`draw_ordered`](Bindings::draw_ordered) has them. Returns the number
+    /// of draw calls.
+    pub fn draw_doubtful(
+        &self,
+        context: &Context,
+        cmd: vk::CommandBuffer,
+        role: Role,
+        draws: &[Draw],
+        ordered: bool,
+    ) -> u32 {
+        let Some(tests) = self.tests else { return 0 };
+        let mut calls = 0;
+        for draw in draws.iter().filter(|d| !d.doubtful.is_empty()) {
+            let mut bound = self.begin(context, cmd, draw);
+            for (run, number) in &draw.doubtful {
+                let (main, large) = (Variant { role, ..draw.main }, Variant { role, ..draw.large });
+                tests.where_visible(context, cmd, *number, || {
+                    let first = if ordered && run.large { large } else { main };
+                    calls += self.run(context, cmd, &mut bound, draw, first, run);
+                    if run.large && !ordered {
+                        calls += self.run(context, cmd, &mut bound, draw, large, run);
+                    }
+                });
+            }
+        }
+        calls
+    }
+
+    pub(super) fn begin(&self, context: &Context, cmd: vk::CommandBuffer, draw: &Draw) -> Bound {
         self.bind_set(context, cmd, 0, self.params, &[draw.params]);
         self.bind_set(context, cmd, 2, self.select, &[]);
         Bound::default()

@@ -6,6 +6,7 @@ use ash::vk;
 use crate::gpu::barrier::Access;
 use crate::gpu::pass::{Recorder, Targets as PassTargets, Use};
 
+use super::occlusion::{self, any_doubtful};
 use super::splats::{Bindings, Draw};
 use super::targets::Targets;
 use super::variant::Role;
@@ -33,12 +34,23 @@ pub fn draw(
             calls += bindings.draw(context, cmd, Role::Visibility, draws);
         },
     );
+    calls += occlusion::record(recorder, targets, layer, bindings, draws);
+    if any_doubtful(draws) {
+        let depth = Some(targets.depth_attachment(layer, false));
+        recorder.draw(
+            "visibility, uncovered",
+            vec![Use::Image(&mut targets.depth, Access::DepthWrite)],
+            &PassTargets { colors: &[], depth, extent, layers: 1 },
+            |context, cmd| calls += bindings.draw_doubtful(context, cmd, Role::Visibility, draws, false),
+        );
+    }
     let (colors, depth) = (targets.sum_attachments(layer), Some(targets.depth_attachment(layer, false)));
     let (depth_image, sums) = targets.split();
     let mut uses = vec![Use::Image(depth_image, Access::DepthWrite)];
     uses.extend(sums.map(|i| Use::layer(i, Access::ColorWrite, first)));
     recorder.draw("accumulate", uses, &PassTargets { colors: &colors, depth, extent, layers: 1 }, |context, cmd| {
-        calls += bindings.draw(context, cmd, Role::Accumulate, draws)
+        calls += bindings.draw(context, cmd, Role::Accumulate, draws);
+        calls += bindings.draw_doubtful(context, cmd, Role::Accumulate, draws, false);
     });
     calls
 }

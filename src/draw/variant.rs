@@ -32,6 +32,8 @@ pub fn shaders(enabled: &Enabled) -> Vec<&'static Shader> {
         &spirv::DRAW_VISIBILITY_FRAG_TRIANGLE,
         &spirv::DRAW_ACCUMULATE_FRAG_TRIANGLE,
         &spirv::DRAW_ACCUMULATE_SURFACE_FRAG_TRIANGLE,
+        &spirv::DRAW_OCCLUSION_VERT,
+        &spirv::DRAW_OCCLUSION_FRAG,
         &spirv::SELECT_COUNT_COMP,
         &spirv::SELECT_MARK_COMP,
         &spirv::SELECT_SCAN_COMP,
@@ -94,6 +96,8 @@ pub enum Role {
     Fuzzy(OrderedAccess),
     /// One layer a group.
     Groups,
+    /// Balls that are tested, depth alone and not written.
+    Occlusion,
     /// Counting: compute.
     Count,
     /// Compaction: three compute passes.
@@ -206,7 +210,16 @@ impl Variant {
     /// The variant of a compute pass: nothing else tells them apart.
     pub fn compute(test: Option<(Interval, ErrorRule)>, packing: Packing, step: Step) -> Variant {
         Variant {
-            role: Role::Compact(step),
+            test: if step == Step::Mark { test } else { None },
+            packing: if step == Step::Mark { packing } else { Packing::Full },
+            ..Variant::plain(Role::Compact(step))
+        }
+    }
+
+    /// The variant of a role that nothing else tells apart.
+    pub fn plain(role: Role) -> Variant {
+        Variant {
+            role,
             quads: false,
             triangles: false,
             footprint: 0,
@@ -220,9 +233,9 @@ impl Variant {
             front: Front::Nearest,
             surface: false,
             sums: SumPrecision::Single,
-            test: if step == Step::Mark { test } else { None },
+            test: None,
             listed: false,
-            packing: if step == Step::Mark { packing } else { Packing::Full },
+            packing: Packing::Full,
             layered: false,
         }
     }
@@ -306,6 +319,7 @@ impl Variant {
                 };
                 return program.compute(context, name, shader, &constants);
             }
+            Role::Occlusion => ("occlusion", &spirv::DRAW_OCCLUSION_FRAG, vec![], depth(DEPTH, not_less, false, false)),
             Role::Visibility => {
                 let shaders = [&spirv::DRAW_VISIBILITY_FRAG, &spirv::DRAW_VISIBILITY_FRAG_TRIANGLE];
                 ("visibility", form(shaders), vec![], depth(DEPTH, greater, true, false))
@@ -336,8 +350,9 @@ impl Variant {
                 ("groups", shader, with_surface(vec![sum, front]), depth(LAYER_DEPTH, greater, true, false))
             }
         };
-        let pulled = self.quads || self.triangles;
+        let pulled = self.quads || self.triangles || self.role == Role::Occlusion;
         let vertex = match (self.role == Role::Groups, self.quads) {
+            _ if self.role == Role::Occlusion => &spirv::DRAW_OCCLUSION_VERT,
             (false, _) if self.triangles => &spirv::DRAW_TRIANGLE_VERT,
             (true, _) if self.triangles => &spirv::DRAW_TRIANGLE_LAYERED_VERT,
             (false, false) => &spirv::DRAW_POINT_VERT,

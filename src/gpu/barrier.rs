@@ -27,6 +27,8 @@ pub enum Access {
     VertexRead,
     /// Storage read and written by compute.
     ComputeWrite,
+    /// Decides whether commands are run: `VK_EXT_conditional_rendering`.
+    Condition,
     /// Read by the processor after a fence or semaphore.
     HostRead,
 }
@@ -55,6 +57,7 @@ impl Access {
                 A::INDIRECT_COMMAND_READ | A::VERTEX_ATTRIBUTE_READ | A::INDEX_READ | A::SHADER_STORAGE_READ,
             ),
             Access::ComputeWrite => (S::COMPUTE_SHADER, A::SHADER_STORAGE_READ | A::SHADER_STORAGE_WRITE),
+            Access::Condition => (S::CONDITIONAL_RENDERING_EXT, A::CONDITIONAL_RENDERING_READ_EXT),
             Access::HostRead => (S::HOST, A::HOST_READ),
         }
     }
@@ -72,6 +75,7 @@ impl Access {
             | Access::FragmentStorage
             | Access::VertexRead
             | Access::ComputeWrite
+            | Access::Condition
             | Access::HostRead => vk::ImageLayout::GENERAL,
         }
     }
@@ -85,9 +89,12 @@ impl Access {
             | Access::FragmentStorage
             | Access::DepthWrite
             | Access::ComputeWrite => true,
-            Access::Undefined | Access::CopyRead | Access::FragmentRead | Access::VertexRead | Access::HostRead => {
-                false
-            }
+            Access::Undefined
+            | Access::CopyRead
+            | Access::FragmentRead
+            | Access::VertexRead
+            | Access::Condition
+            | Access::HostRead => false,
         }
     }
 }

@@ -33,6 +33,8 @@ pub struct Enabled {
     pub output_layer: bool,
     /// The queue family of the command buffers has timestamps.
     pub timestamps: bool,
+    /// Extension `VK_EXT_conditional_rendering` and its feature `conditionalRendering`.
+    pub conditional: bool,
     /// Instance extension `VK_EXT_debug_utils`.
     pub debug_utils: bool,
 }
@@ -52,6 +54,7 @@ pub struct Context {
     /// Bytes of device memory held now.
     pub allocated: u64,
     debug: Option<ext::debug_utils::Device>,
+    conditional: Option<ext::conditional_rendering::Device>,
     instance: ash::Instance,
     physical_device: vk::PhysicalDevice,
 }
@@ -69,6 +72,7 @@ impl Context {
         // SAFETY: the physical device belongs to the instance (a precondition of `Host`).
         let limits = unsafe { instance.get_physical_device_properties(physical_device) }.limits;
         let debug = enabled.debug_utils.then(|| ext::debug_utils::Device::new(instance, &device));
+        let conditional = enabled.conditional.then(|| ext::conditional_rendering::Device::new(instance, &device));
         Context {
             device,
             limits,
@@ -77,6 +81,7 @@ impl Context {
             memory,
             allocated: 0,
             debug,
+            conditional,
             instance: instance.clone(),
             physical_device,
         }
@@ -107,6 +112,24 @@ impl Context {
             let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
             // SAFETY: the object lives and is not used by another thread now. A refusal costs only the name.
             let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+        }
+    }
+
+    /// Runs the commands that follow only where the word at `offset` of a buffer is not 0. The buffer was made for that, and lives
+    /// until the frame is complete; its word was made visible to [`Access::Condition`](super::barrier::Access).
+    pub fn begin_condition(&self, cmd: vk::CommandBuffer, buffer: vk::Buffer, offset: u64) {
+        if let Some(conditional) = &self.conditional {
+            let info = vk::ConditionalRenderingBeginInfoEXT::default().buffer(buffer).offset(offset);
+            // SAFETY: recording, none is open, and the offset is a multiple of four within the buffer (the callers').
+            unsafe { (conditional.fp().cmd_begin_conditional_rendering_ext)(cmd, &info) };
+        }
+    }
+
+    /// Ends that, in the same pass.
+    pub fn end_condition(&self, cmd: vk::CommandBuffer) {
+        if let Some(conditional) = &self.conditional {
+            // SAFETY: recording, and one was begun in the same pass by `begin_condition`.
+            unsafe { (conditional.fp().cmd_end_conditional_rendering_ext)(cmd) };
         }
     }
 

@@ -1,8 +1,9 @@
-//! Timestamps of one frame's passes.
+//! Queries of one frame: timestamps of its passes, and what is visible.
 
 use ash::vk;
 
 use super::context::Context;
+use super::resource::Buffer;
 use crate::error::{Named, Result};
 
 /// Queries a frame: two a pass, each as many as a multiview pass may write.
@@ -88,6 +89,69 @@ impl Timestamps {
         let tick = |query: u32| ticks.get(query as usize).filter(|t| t[1] != 0).map(|t| t[0]);
         let duration = |t: &Timed| Some(tick(t.end)?.wrapping_sub(tick(t.begin)?) as f64 * ms);
         Ok(self.timed.iter().filter_map(|t| Some((t.name, duration(t)?))).collect())
+    }
+
+    /// Destroys the pool; the device no longer uses it.
+    pub fn destroy(self, context: &Context) {
+        // SAFETY: not in use (a precondition), destroyed once.
+        unsafe { context.device.destroy_query_pool(self.pool, None) };
+    }
+}
+
+/// Queries that count the samples of what is drawn.
+#[derive(Debug)]
+pub struct VisibilityQueries {
+    pool: vk::QueryPool,
+    /// How many there are.
+    pub count: u32,
+}
+
+impl VisibilityQueries {
+    /// As many, at least 1.
+    pub fn new(context: &Context, count: u32) -> Result<VisibilityQueries> {
+        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::OCCLUSION).query_count(count);
+        // SAFETY: the device lives.
+        let pool = unsafe { context.device.create_query_pool(&info, None) }.named("vkCreateQueryPool")?;
+        context.name(pool, "visibility");
+        Ok(VisibilityQueries { pool, count })
+    }
+
+    /// Readies the first `count`: outside a pass, before any of them is begun.
+    pub fn reset(&self, context: &Context, cmd: vk::CommandBuffer, count: u32) {
+        // SAFETY: recording outside a pass, and the last frame that used the pool is complete (preconditions).
+        unsafe { context.device.cmd_reset_query_pool(cmd, self.pool, 0, count.min(self.count)) };
+    }
+
+    /// Draws what `body` draws, and counts its samples.
+    pub fn count(&self, context: &Context, cmd: vk::CommandBuffer, query: u32, body: impl FnOnce()) {
+        // SAFETY: recording inside a pass; the query was reset, is within the pool, and no other is active.
+        unsafe { context.device.cmd_begin_query(cmd, self.pool, query, vk::QueryControlFlags::empty()) };
+        body();
+        // SAFETY: begun above, in the same pass.
+        unsafe { context.device.cmd_end_query(cmd, self.pool, query) };
+    }
+
+    /// Copies results as words to the same places of a buffer, once they are there.
+    pub fn copy(&self, context: &Context, cmd: vk::CommandBuffer, queries: std::ops::Range<u32>, to: &Buffer) {
+        let (first, count) = (queries.start, queries.end - queries.start);
+        let (at, flags) = (4 * u64::from(first), vk::QueryResultFlags::WAIT);
+        // SAFETY: recording outside a pass; those queries were ended before in this queue, and the buffer has a word for each.
+        unsafe { context.device.cmd_copy_query_pool_results(cmd, self.pool, first, count, to.handle, at, 4, flags) };
+    }
+
+    /// Whether anything was visible, of the first `count`; call once the frame is complete. `None` for what was not run.
+    pub fn read(&self, context: &Context, count: u32) -> Result<Vec<Option<bool>>> {
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let mut results = vec![[0u32; 2]; count as usize];
+        let flags = vk::QueryResultFlags::WITH_AVAILABILITY;
+        // SAFETY: the pool lives, the range was reset by a frame that is complete (a precondition).
+        match unsafe { context.device.get_query_pool_results(self.pool, 0, &mut results, flags) } {
+            Ok(()) | Err(vk::Result::NOT_READY) => {}
+            Err(e) => return Err(e).named("vkGetQueryPoolResults"),
+        }
+        Ok(results.iter().map(|[samples, there]| (*there != 0).then_some(*samples > 0)).collect())
     }
 
     /// Destroys the pool; the device no longer uses it.

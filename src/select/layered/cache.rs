@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::{Cut, Role};
+use super::Cut;
 use crate::structure::layered::Index;
 use crate::structure::nodes::NONE;
 
@@ -105,7 +105,7 @@ impl Cache {
     pub fn mark(&mut self, cut: &Cut) {
         let drawn = 2 * self.frame + 1;
         // What is hidden is drawn where a test in the frame finds it visible.
-        for step in cut.steps.iter().filter(|step| matches!(step.role, Role::Drawn | Role::Hidden)) {
+        for step in cut.steps.iter().filter(|step| step.role.is_shown()) {
             // Its ancestors are in the cut as well.
             if let Some(held) = self.held.get_mut(self.slots[step.node as usize] as usize) {
                 (held.used, held.busy) = (drawn, self.frame);

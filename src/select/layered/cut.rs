@@ -19,6 +19,13 @@ pub enum Role {
     Hidden,
 }
 
+impl Role {
+    /// Whether the node's samples are drawn, if they are not found to be hidden.
+    pub fn is_shown(self) -> bool {
+        matches!(self, Role::Drawn | Role::Hidden)
+    }
+}
+
 /// A node of a cut.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {

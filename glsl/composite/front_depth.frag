@@ -1,0 +1,16 @@
+#version 460
+// What `fuzzy` has drawn as internal depth: the limit beyond which it blends nothing more.
+#include "frame.glsl"
+
+layout(set = 0, binding = 5) uniform sampler2DArray front;
+layout(push_constant) uniform PassPush {
+    int view;
+    int layers;     // of groups
+} push;
+
+void main() {
+    float limit = texelFetch(front, ivec3(ivec2(gl_FragCoord.xy), push.view), 0).x;
+    ViewParams p = frame.views[push.view];
+    float d = (p.depth_map.x * limit + p.depth_map.y) / (p.depth_map.z * limit + p.depth_map.w);
+    gl_FragDepth = clamp(d, 0.0, 1.0);
+}
