@@ -6,13 +6,21 @@
 /// SplitMix64 (Steele, Lea, Flood: "Fast splittable pseudorandom number generators", 2014).
 pub(crate) struct Rng(u64);
 
+/// What the state grows by with every number.
+const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+
 impl Rng {
     pub(crate) fn new(seed: u64) -> Rng {
         Rng(seed)
     }
 
+    /// The same sequence from `draws` numbers later on.
+    pub(crate) fn after(self, draws: u64) -> Rng {
+        Rng(self.0.wrapping_add(draws.wrapping_mul(STEP)))
+    }
+
     pub(crate) fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        self.0 = self.0.wrapping_add(STEP);
         mix(self.0)
     }
 
@@ -69,6 +77,13 @@ pub(crate) fn golden(i: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sequence_can_be_entered_anywhere() {
+        let mut all = Rng::new(5);
+        let numbers: Vec<u64> = (0..9).map(|_| all.bits()).collect();
+        assert_eq!(Rng::new(5).after(8).bits(), numbers[8]);
+    }
 
     #[test]
     fn own_sine_agrees_with_the_systems() {

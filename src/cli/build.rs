@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use anyhow::{Result, bail};
 use glam::DVec3;
 
-use surfel::load::{self, Pieces, synthetic};
+use surfel::load::{self, Pieces};
 use surfel::structure::layered::{self, Index, Options};
 
 use super::args::BuildArgs;
@@ -79,9 +79,11 @@ fn pieces(input: &Input, progress: &Progress) -> Result<Pieces> {
         }
         Input::Remote(address) => bail!("{address}: a model is built of files"),
         Input::Scene { name, points, seed } => {
-            memory::ensure(&format!("scene:{name}:{points}"), *points as u64 * 31)?;
+            if name != "deep" {
+                memory::ensure(&format!("scene:{name}:{points}"), *points as u64 * 31)?;
+            }
             let _step = progress.step(format!("make scene {name}"), 1);
-            Ok(Pieces::of(synthetic::scene(name, *points, *seed)?))
+            Ok(Pieces::scene(name, *points as u64, *seed)?)
         }
     }
 }

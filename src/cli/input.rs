@@ -36,6 +36,9 @@ fn read_all(input: &Input, progress: &Progress) -> Result<PointCloud> {
             bail!("{address}: a model behind a server is drawn by render --structure layered, and told of by info")
         }
         Input::Scene { name, points, seed } => {
+            if *points > MAX_POINTS {
+                bail!("scene:{name}: {points} points in one cloud: at most {MAX_POINTS} are handled");
+            }
             // Position, normal, radius, colour, as they are made and as they are packed for the device.
             memory::ensure(&format!("scene:{name}:{points}"), *points as u64 * (31 + 24))?;
             let _step = progress.step(format!("make scene {name}"), 1);

@@ -82,8 +82,10 @@ fn count(text: &str) -> Result<usize, String> {
         _ => (text, 1),
     };
     let n = digits.parse::<usize>().ok().and_then(|n| n.checked_mul(unit));
-    n.filter(|n| (1..=MAX_POINTS).contains(n))
-        .ok_or_else(|| format!("{text:?} is not a number of points: 1 to {MAX_POINTS}, such as 200000, 200k or 2M"))
+    // What a command holds in memory it bounds itself: `build` makes some scenes in pieces.
+    const MOST: usize = 1 << 40;
+    n.filter(|n| (1..=MOST).contains(n))
+        .ok_or_else(|| format!("{text:?} is not a number of points: 1 to {MOST}, such as 200000, 200k or 2M"))
 }
 
 /// Bytes: a whole number, or one with `M` or `G` behind it; 64M at least.

@@ -9,6 +9,7 @@ use glam::{DVec3, Vec3};
 #[cfg(any(feature = "las", feature = "ply"))]
 use super::Kind;
 use super::attributes;
+use super::synthetic::{self, Deep};
 use super::{MAGIC_BYTES, Options, PointCloud, Report, open, recognise};
 use crate::error::{Error, Result};
 
@@ -50,6 +51,7 @@ pub(super) struct Start {
     pub lattice: Option<DVec3>,
     pub points: u64,
     pub up: Option<Vec3>,
+    pub viewpoint: Option<DVec3>,
     pub format: String,
 }
 
@@ -62,7 +64,38 @@ impl Reader for Whole {
     }
 }
 
+/// A scene that is made as it is read.
+struct Made {
+    town: Deep,
+    at: u64,
+    points: u64,
+}
+
+impl Reader for Made {
+    fn next(&mut self, _: &mut Report) -> Result<Option<PointCloud>> {
+        const PIECE: u64 = 1 << 18;
+        let first = self.at;
+        self.at = self.points.min(first + PIECE);
+        Ok((first < self.at).then(|| self.town.points(first..self.at)))
+    }
+}
+
 impl Pieces {
+    /// A synthetic scene: the points of [`synthetic::scene`] in its order. `deep` is made piece by piece, whatever its size,
+    /// the others at once.
+    ///
+    /// # Errors
+    /// As [`synthetic::scene`].
+    pub fn scene(name: &str, points: u64, seed: u64) -> Result<Pieces> {
+        if name != "deep" || points == 0 {
+            return Ok(Pieces::of(synthetic::scene(name, points as usize, seed)?));
+        }
+        let format = synthetic::format(name, seed);
+        let viewpoint = Some(synthetic::EYE);
+        let start = Start { points, up: Some(Vec3::Z), viewpoint, format, ..Start::default() };
+        Ok(Pieces::new(start, Box::new(Made { town: Deep::new(points, seed), at: 0, points })))
+    }
+
     /// Opens a file for reading in pieces. The content decides what it is, not the name.
     ///
     /// # Errors
@@ -94,9 +127,9 @@ impl Pieces {
     }
 
     fn new(start: Start, reader: Box<dyn Reader>) -> Pieces {
-        let Start { origin, lattice, points, up, format } = start;
+        let Start { origin, lattice, points, up, viewpoint, format } = start;
         let report = Report { format, points_in_file: points, ..Report::default() };
-        Pieces { origin, lattice, points, up, viewpoint: None, closed: false, report, reader }
+        Pieces { origin, lattice, points, up, viewpoint, closed: false, report, reader }
     }
 
     /// A cloud in memory as one piece.

@@ -3,12 +3,15 @@
 use std::path::Path;
 
 use glam::DVec3;
-use surfel::load::{Options, Pieces, PointCloud, merge, open};
+use surfel::load::{Options, Pieces, PointCloud, merge, open, synthetic};
 
 use crate::common::data;
 
 fn joined(path: &Path) -> (PointCloud, usize) {
-    let mut pieces = Pieces::open(path, &Options::default()).expect("a file");
+    all(Pieces::open(path, &Options::default()).expect("a file"))
+}
+
+fn all(mut pieces: Pieces) -> (PointCloud, usize) {
     let mut all = Vec::new();
     while let Some(piece) = pieces.piece().expect("points") {
         assert_eq!(piece.origin, pieces.origin());
@@ -43,6 +46,25 @@ fn with_data_scans_in_pieces_are_the_scans() {
 fn with_data_faces_give_normals_in_full() {
     let (cloud, pieces) = joined(&data("rocker_arm_big_endian.ply"));
     assert!(pieces == 1 && cloud.normals.is_some() && cloud.radii.is_some());
+}
+
+#[test]
+fn scenes_in_pieces_are_the_scenes() {
+    // One that is made as it is read, whatever runs it, and one that is not.
+    for (name, points, several) in [("deep", 600_001, true), ("deep", 1, false), ("torus", 1000, false)] {
+        let whole = synthetic::scene(name, points, 5).expect("a scene");
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            let pieces = Pieces::scene(name, points as u64, 5).expect("a scene");
+            assert_eq!((pieces.points(), pieces.up(), pieces.viewpoint()), (points as u64, whole.up, whole.viewpoint));
+            assert_eq!(pieces.report(), &whole.report);
+            let (joined, count) = pool.install(|| all(pieces));
+            assert_eq!(count > 1, several, "{name}: {count} pieces");
+            assert!(joined.positions == whole.positions && joined.normals == whole.normals, "{name}");
+            assert!(joined.radii == whole.radii && joined.colors == whole.colors, "{name}");
+        }
+    }
+    assert!(Pieces::scene("deep", 0, 1).is_err() && Pieces::scene("nothing", 9, 1).is_err());
 }
 
 #[test]

@@ -39,12 +39,13 @@ fn scenes_are_the_same_on_every_platform() {
     assert_eq!(found, FINGERPRINTS);
 }
 
-const FINGERPRINTS: [(&str, u64); 7] = [
+const FINGERPRINTS: [(&str, u64); 8] = [
     ("demo", 8923388728226294137),
     ("sphere", 13367691196545257891),
     ("torus", 7500198190047428009),
     ("terrain", 8691562918923794919),
     ("room", 1970063216567116630),
+    ("deep", 1156326362066186025),
     ("noise", 3089904523602208708),
     ("coincident", 17956942648783911925),
 ];

@@ -56,6 +56,7 @@ pub(in crate::load) fn pieces(file: &Path, mut source: BufReader<File>) -> Resul
         points: las.header.points,
         up: Some(Vec3::Z),
         format: las.header.kind(),
+        ..Start::default()
     };
     Ok(Some((start, Box::new(las))))
 }

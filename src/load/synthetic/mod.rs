@@ -1,11 +1,15 @@
 //! Scenes from formulas: any size, the same bytes for the same seed on every platform.
 
+mod deep;
 mod demo;
 mod mesh;
 mod room;
 mod shapes;
 mod terrain;
 
+pub(in crate::load) use deep::Deep;
+#[cfg(feature = "layered")]
+pub(in crate::load) use deep::EYE;
 pub use mesh::{sphere_mesh, torus_mesh};
 
 use glam::{DVec3, Vec3};
@@ -15,12 +19,13 @@ use crate::error::{Error, Place, Result};
 use crate::rng::Rng;
 
 /// The scenes that [`scene`] makes, each with what it is for.
-pub const SCENES: [(&str, &str); 7] = [
+pub const SCENES: [(&str, &str); 8] = [
     ("demo", "a knot and spheres over a hilly plate: what to look at first (z up)"),
     ("sphere", "a closed unit sphere, evenly sampled, exact normals and radii"),
     ("torus", "a closed torus (radii 1 and 0.4), evenly sampled, exact normals and radii"),
     ("terrain", "a fractal height field, 100 units wide, natural colours (z up)"),
     ("room", "a furnished room of 8 × 6 × 3 units seen from inside (z up, viewpoint given)"),
+    ("deep", "a town full of rooms, more than 50 surfaces deep at eye height (z up, viewpoint given)"),
     ("noise", "uniformly random points in a unit cube, without normals"),
     ("coincident", "points on ten places only"),
 ];
@@ -42,6 +47,7 @@ pub fn scene(name: &str, points: usize, seed: u64) -> Result<PointCloud> {
         "torus" => shapes::torus(points),
         "terrain" => terrain::terrain(points, seed),
         "room" => room::room(points, seed),
+        "deep" => Deep::new(points as u64, seed).points(0..points as u64),
         "noise" => shapes::noise(points, seed),
         "coincident" => shapes::coincident(points, seed),
         _ => {
@@ -49,9 +55,14 @@ pub fn scene(name: &str, points: usize, seed: u64) -> Result<PointCloud> {
             return Err(Error::data(name, Place::File, format!("there is no such scene; there are {names}")));
         }
     };
-    cloud.report.format = format!("synthetic {name}, seed {seed}");
+    cloud.report.format = format(name, seed);
     cloud.report.points_in_file = points as u64;
     Ok(cloud)
+}
+
+/// What reports say of a scene.
+pub(in crate::load) fn format(name: &str, seed: u64) -> String {
+    format!("synthetic {name}, seed {seed}")
 }
 
 /// Collects points that have a normal, a radius and a colour each.
@@ -80,6 +91,16 @@ impl Builder {
         if let Some(list) = &mut self.0.colors {
             list.push(color.to_array().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8));
         }
+    }
+
+    fn append(&mut self, other: Builder) {
+        fn extend<T: Copy>(to: &mut Option<Vec<T>>, from: Option<Vec<T>>) {
+            to.iter_mut().for_each(|to| to.extend_from_slice(from.as_deref().unwrap_or_default()));
+        }
+        self.0.positions.extend_from_slice(&other.0.positions);
+        extend(&mut self.0.normals, other.0.normals);
+        extend(&mut self.0.radii, other.0.radii);
+        extend(&mut self.0.colors, other.0.colors);
     }
 
     fn z_up(mut self) -> PointCloud {
