@@ -383,7 +383,7 @@ impl Renderer {
                 Blend::Fuzzy => {
                     let access = current.plan.ordered.expect("planned with a way to be drawn");
                     let front = |cmd| composite.draw_before(context, cmd, Before::FrontDepth, set, layer as u32, None);
-                    fuzzy::draw(&mut recorder, targets, layer, &bindings, draws, access, seed, front)
+                    fuzzy::draw(&mut recorder, targets, layer, &bindings, draws, access, (seed, front))
                 }
                 Blend::Groups => {
                     let layers = self.layers.as_mut().expect("made by prepare");

@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use super::bench::args::BenchArgs;
 use super::camera::Named;
+use super::fly::args::FlyArgs;
 use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
 use surfel::structure::groups::Relax;
@@ -39,6 +40,8 @@ pub enum Command {
     Compare(CompareArgs),
     /// Measures time against error, and writes a report.
     Bench(Box<BenchArgs>),
+    /// Flies through a layered point cloud that comes as it is needed, and measures the frames.
+    Fly(Box<FlyArgs>),
     /// Lists the Vulkan devices of this machine.
     Devices,
     /// Tries every technique and planted faults with the validation layers on.

@@ -70,7 +70,7 @@ const FOV_INSIDE: f64 = 70.0 / 180.0 * std::f64::consts::PI;
 const AZIMUTH: f64 = 30.0;
 
 /// Direction in which azimuth 0 looks: −Z where y is up, +Y where z is up, and the same turned over where the opposite is.
-fn forward(up: DVec3) -> DVec3 {
+pub fn forward(up: DVec3) -> DVec3 {
     let size = up.abs();
     let look = if size.z >= size.x && size.z >= size.y {
         DVec3::Y * up.z.signum()
@@ -83,7 +83,7 @@ fn forward(up: DVec3) -> DVec3 {
 }
 
 /// Unit vectors towards the viewer and up in the picture. The second never vanishes, not even at the poles.
-fn orbit_axes(up: DVec3, azimuth: f64, elevation: f64) -> (DVec3, DVec3) {
+pub fn orbit_axes(up: DVec3, azimuth: f64, elevation: f64) -> (DVec3, DVec3) {
     let (sin_a, cos_a) = azimuth.to_radians().sin_cos();
     let (sin_e, cos_e) = elevation.to_radians().sin_cos();
     let out = -forward(up);

@@ -10,6 +10,7 @@ mod camera;
 mod color;
 mod compare;
 mod devices;
+mod fly;
 mod frames;
 mod info;
 mod input;
@@ -73,6 +74,7 @@ pub fn main() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Fly(args) => fly::run(&args),
         Command::Devices => devices::run(),
         Command::Selftest(args) => selftest::run(&args),
     };

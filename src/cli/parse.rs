@@ -88,15 +88,21 @@ fn count(text: &str) -> Result<usize, String> {
         .ok_or_else(|| format!("{text:?} is not a number of points: 1 to {MOST}, such as 200000, 200k or 2M"))
 }
 
-/// Bytes: a whole number, or one with `M` or `G` behind it; 64M at least.
+/// Memory to work in: [`bytes`], 64M at least.
 pub fn memory(text: &str) -> Result<u64, String> {
+    let wrong = || format!("{text:?} is no amount of memory: 64M or more, such as 512M or 2G");
+    bytes(text).ok().filter(|n| *n >= 64 << 20).ok_or_else(wrong)
+}
+
+/// Bytes: a whole number above 0, or one with `M` or `G` behind it.
+pub fn bytes(text: &str) -> Result<u64, String> {
     let (digits, unit) = match text.as_bytes().last() {
         Some(b'm' | b'M') => (&text[..text.len() - 1], 1 << 20),
         Some(b'g' | b'G') => (&text[..text.len() - 1], 1 << 30),
         _ => (text, 1),
     };
-    let bytes = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(unit)).filter(|n| *n >= 64 << 20);
-    bytes.ok_or_else(|| format!("{text:?} is no amount of memory: 64M or more, such as 512M or 2G"))
+    let bytes = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(unit)).filter(|n| *n > 0);
+    bytes.ok_or_else(|| format!("{text:?} is no amount of memory, such as 512M or 2G"))
 }
 
 /// `1280x720`.

@@ -66,7 +66,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
 }
 
 /// Targets lie in this machine's memory where the device is its processor; what is read back always does.
-fn fits(device: &DeviceInfo, [width, height]: [u32; 2]) -> Result<()> {
+pub fn fits(device: &DeviceInfo, [width, height]: [u32; 2]) -> Result<()> {
     // Read back: as copied, as bytes, as floats, encoded. Targets: three of four floats, and a depth.
     let a_pixel = 16 + 16 + 16 + 8 + if device.kind == "cpu" { 3 * 16 + 4 } else { 0 };
     let pixels = width as u64 * height as u64;

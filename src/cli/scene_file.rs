@@ -142,7 +142,8 @@ fn grid(at: &str, v: &Value) -> Result<([u64; 3], DVec3)> {
     Ok((count, step))
 }
 
-fn vector(at: &str, v: &Value) -> Result<DVec3> {
+/// Three numbers.
+pub fn vector(at: &str, v: &Value) -> Result<DVec3> {
     let list = v.as_array().filter(|l| l.len() == 3).with_context(|| format!("{at}: three numbers [x, y, z]"))?;
     let mut out = DVec3::ZERO;
     for (i, v) in list.iter().enumerate() {
@@ -157,14 +158,14 @@ fn number(at: &str, v: &Value) -> Result<f64> {
 }
 
 /// An object without unknown keys, and where it is.
-struct Object<'a> {
+pub struct Object<'a> {
     at: String,
     map: &'a Map<String, Value>,
 }
 
 impl<'a> Object<'a> {
-    fn new(at: &str, v: &'a Value, keys: &[&str]) -> Result<Object<'a>> {
-        let name = if at.is_empty() { "the scene" } else { at };
+    pub fn new(at: &str, v: &'a Value, keys: &[&str]) -> Result<Object<'a>> {
+        let name = if at.is_empty() { "the file" } else { at };
         let map = v.as_object().with_context(|| format!("{name}: an object with {}", keys.join(", ")))?;
         let object = Object { at: at.to_owned(), map };
         match map.keys().find(|key| !keys.contains(&key.as_str())) {
@@ -181,7 +182,7 @@ impl<'a> Object<'a> {
         Some((self.place(key), self.map.get(key)?))
     }
 
-    fn need(&self, key: &str, what: &str) -> Result<&'a Value> {
+    pub fn need(&self, key: &str, what: &str) -> Result<&'a Value> {
         self.map.get(key).with_context(|| format!("{}: is missing: {what}", self.place(key)))
     }
 }

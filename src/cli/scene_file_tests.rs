@@ -75,7 +75,7 @@ fn what_is_wrong_is_named_with_its_place() {
     }
     for (text, says) in [
         ("", "line 1"),
-        ("[]", "the scene: an object with inputs, instances"),
+        ("[]", "the file: an object with inputs, instances"),
         ("{}", "inputs: is missing"),
         (r#"{"inputs": {"a": "a.ply"}}"#, "instances: is missing"),
         (r#"{"inputs": {}, "instances": []}"#, "inputs: an object with at least one"),

@@ -45,7 +45,7 @@ impl Summary {
 }
 
 /// The `q`-quantile of sorted samples, at least one; interpolated between neighbours (Hyndman and Fan 1996, definition 7).
-pub(super) fn quantile(sorted: &[f64], q: f64) -> f64 {
+pub fn quantile(sorted: &[f64], q: f64) -> f64 {
     let last = sorted.len() - 1;
     let at = q * last as f64;
     let (low, share) = (at.floor() as usize, at.fract());
