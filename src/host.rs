@@ -52,6 +52,9 @@ pub struct Requirements {
     pub conditional: vk::PhysicalDeviceConditionalRenderingFeaturesEXT<'static>,
 }
 
+/// Storage buffers that the layout of the splats' passes may have for one stage; Vulkan promises 4, devices that draw have 16 and more.
+pub(crate) const STORAGE_BUFFERS: u32 = 16;
+
 /// Names of optional items that more than one place asks for.
 const ORDER: &str = "rasterizationOrderColorAttachmentAccess";
 const TURNS: &str = "fragmentShaderPixelInterlock";
@@ -104,6 +107,7 @@ impl Requirements {
         let sums = supports(targets::SUMS, vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND);
         let depth = supports(targets::DEPTH, vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT);
         let timestamps = properties.limits.timestamp_compute_and_graphics == vk::TRUE;
+        let storage = properties.limits.max_per_stage_descriptor_storage_buffers >= STORAGE_BUFFERS;
         let item = |name, disables, required, present| Requirement { name, disables, required, present };
         let all = "the renderer";
         let items = vec![
@@ -115,6 +119,7 @@ impl Requirements {
             item("maintenance4", all, true, v13.maintenance4 == vk::TRUE),
             item("blending to R32G32B32A32_SFLOAT", all, true, sums),
             item("D32_SFLOAT_S8_UINT attachments", all, true, depth),
+            item("maxPerStageDescriptorStorageBuffers of 16", all, true, storage),
             item("largePoints", "point sprites: quads are drawn", false, core.large_points == vk::TRUE),
             item(ORDER, "fuzzy by attachments: the interlock is used, or else two-pass", false, order),
             item(TURNS, "fuzzy by interlock: two-pass is drawn, unless attachments can be read in order", false, turns),

@@ -22,10 +22,7 @@ pub fn draw(
     bindings: &Bindings,
     draws: &[Draw],
     access: OrderedAccess,
-    (seed, front_depth): (
-        Option<impl FnOnce(vk::CommandBuffer) -> u32>,
-        impl FnOnce(vk::CommandBuffer) -> u32,
-    ),
+    (seed, front_depth): (Option<impl FnOnce(vk::CommandBuffer) -> u32>, impl FnOnce(vk::CommandBuffer) -> u32),
 ) -> u32 {
     let mut calls = 0;
     let extent = targets.plan.extent;

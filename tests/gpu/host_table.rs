@@ -137,6 +137,11 @@ wrappers! {
         bind_indices = "vkCmdBindIndexBuffer"
             (cmd: vk::CommandBuffer, buffer: vk::Buffer, at: u64, kind: vk::IndexType);
         reset_queries = "vkCmdResetQueryPool" (cmd: vk::CommandBuffer, pool: vk::QueryPool, first: u32, count: u32);
+        begin_query = "vkCmdBeginQuery"
+            (cmd: vk::CommandBuffer, pool: vk::QueryPool, query: u32, flags: vk::QueryControlFlags);
+        end_query = "vkCmdEndQuery" (cmd: vk::CommandBuffer, pool: vk::QueryPool, query: u32);
+        copy_queries = "vkCmdCopyQueryPoolResults"
+            (cmd: vk::CommandBuffer, pool: vk::QueryPool, first: u32, count: u32, to: vk::Buffer, at: u64, stride: u64, flags: vk::QueryResultFlags);
         timestamp = "vkCmdWriteTimestamp2"
             (cmd: vk::CommandBuffer, stage: vk::PipelineStageFlags2, pool: vk::QueryPool, query: u32);
     }
