@@ -83,7 +83,7 @@ pub struct LayeredStats {
     pub evicted: u64,
     /// What fetching did, since then.
     pub fetched: FetchStats,
-    /// The latest fault, until a request succeeds; or why a patch is never to be had.
+    /// The latest fault, until a request succeeds; else why a patch is never to be had.
     pub fault: Option<String>,
 }
 

@@ -159,8 +159,9 @@ pub struct Patches {
     bounds: Vec<Block>,
     /// Came and not yet uploaded.
     waiting: VecDeque<(u32, Ready)>,
-    /// Never to be had.
+    /// Never to be had, and why the latest was not.
     lost: HashSet<u32>,
+    broken: Option<String>,
     /// Of this frame; the first `used`.
     parts: Vec<Part>,
     used: usize,
@@ -195,6 +196,7 @@ impl Patches {
             bounds: vec![nothing; slots as usize],
             waiting: VecDeque::new(),
             lost: HashSet::new(),
+            broken: None,
             parts: Vec::new(),
             used: 0,
             wanted: Vec::new(),
@@ -285,7 +287,7 @@ impl Patches {
                     Ok(patch) => self.waiting.push_back((node, patch)),
                     Err(error) => {
                         self.lost.insert(node);
-                        self.stats.fault = Some(error.to_string());
+                        self.broken = Some(error.to_string());
                     }
                 }
             }
@@ -393,9 +395,7 @@ impl Patches {
     pub fn stats(&self) -> LayeredStats {
         let mut stats = self.stats.clone();
         stats.fetched = self.fetcher.stats();
-        if let Some(fault) = self.fetcher.fault() {
-            stats.fault = Some(fault.to_string());
-        }
+        stats.fault = self.fetcher.fault().map(|fault| fault.to_string()).or_else(|| self.broken.clone());
         stats.evicted = self.cache.evicted();
         stats.resident = self.slots - self.cache.vacant();
         stats

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 
 use glam::{DMat4, DQuat, DVec3, Vec3, dvec3};
 use surfel::load::{Pieces, PointCloud, synthetic};
-use surfel::select::layered::Refine;
+use surfel::select::layered::{Cut, Refine, refine};
 use surfel::select::{DepthConvention, Sight, View};
 use surfel::standalone::{Offscreen, Shot};
-use surfel::stream::{Access, FileAccess};
+use surfel::stream::{Access, FetchOptions, FileAccess};
 use surfel::structure::layered::{Layered, Options, Patience, Streaming, build, in_view};
 use surfel::structure::{Cloud, Index};
 use surfel::style::Style;
@@ -25,7 +25,7 @@ use crate::vulkan;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 struct Model {
-    _folder: Folder,
+    folder: Folder,
     index: Arc<Index>,
     access: Arc<dyn Access>,
 }
@@ -46,7 +46,7 @@ impl Model {
         let options = Options { samples: 256, ..Options::default() };
         let built = build(vec![Pieces::of(cloud)], &path, &options).expect("a model");
         let access = FileAccess::open(&path).expect("the model");
-        Model { _folder: folder, index: Arc::new(built.index), access: Arc::new(access) }
+        Model { folder: folder, index: Arc::new(built.index), access: Arc::new(access) }
     }
 
     fn streamed(&self, streaming: Streaming) -> Cloud {
@@ -216,5 +216,149 @@ fn what_is_hidden_is_not_drawn_and_nothing_is_missed() {
                 assert_eq!((differ, expected.depth == got.depth), (0, true), "{name}: pixels that differ");
             }
         }
+    });
+}
+
+#[test]
+fn a_small_cache_makes_the_threshold_grow_for_all_views_alike() {
+    let model = Model::new("small-cache", "torus", 12_000);
+    let aspect = SIZE[0] as f64 / SIZE[1] as f64;
+    let view = look(dvec3(0.8, 2.0, 1.9), DVec3::ZERO, View::perspective(0.9, aspect, 0.01));
+    let style = Style { threshold: 2.0, ..Style::default() };
+    // Slots of 256 samples with normals and colours.
+    let slot = 256 * 24;
+    let streaming = Streaming { cache: 20 * slot, occlusion: false, ..Streaming::STILL };
+    vulkan::draw(SIZE, true, |off| {
+        let id = off.renderer.add(model.streamed(streaming)).expect("a model");
+        let away = DMat4::from_translation(dvec3(0.0, 0.0, -3.0));
+        let instances = [DMat4::IDENTITY, away].map(|transform| Instance { cloud: id, transform });
+        let technique = Technique::TWO_PASS;
+        let shot = Shot { view: &view, instances: &instances, technique, style: &style, count: true };
+        let stats = complete(off, &shot);
+        let layered = &stats.layered[0];
+        assert_eq!(stats.layered.len(), 1, "both instances are of one model, and share its cache");
+        assert!(layered.slots == 20 && layered.resident <= 20 && layered.factor > 1.5, "{layered:?}");
+        // Both are drawn as their cuts at that factor are, one after the other.
+        let refine = Refine { factor: layered.factor, ..Refine::default() };
+        let clouds = instances.map(|i| (model.in_view(&view, &i.transform, &style, &refine), i));
+        assert_eq!(stats.points_submitted, clouds.iter().map(|(c, _)| c.points() as u64).sum::<u64>());
+        check(
+            off,
+            &Case {
+                name: "layered, small cache".into(),
+                size: SIZE,
+                instances: &clouds,
+                view: &view,
+                technique,
+                style: &style,
+                bound: WEIGHTED,
+                ties: FEW,
+            },
+        );
+        // A limit of samples, from one frame to the next.
+        let all = stats.points_submitted;
+        off.renderer.limit(id, Some(all / 2));
+        let limited = complete(off, &shot);
+        assert!(limited.points_submitted <= all / 2 && limited.layered[0].factor > layered.factor);
+        off.renderer.limit(id, None);
+        assert_eq!(complete(off, &shot).points_submitted, all);
+    });
+}
+
+#[test]
+fn a_moving_camera_comes_to_rest_at_the_cut_of_its_view() {
+    let model = Model::new("moving", "torus", 12_000);
+    [false, true].into_iter().for_each(|occlusion| moves_and_rests(&model, occlusion));
+}
+
+fn moves_and_rests(model: &Model, occlusion: bool) {
+    let aspect = SIZE[0] as f64 / SIZE[1] as f64;
+    let lens = View::perspective(0.9, aspect, 0.01);
+    let style = Style { threshold: 2.0, ..Style::default() };
+    // Room for a third of the model: patches take each other's place while frames are in flight.
+    let streaming = Streaming { cache: 30 * 256 * 24, occlusion, ..Streaming::default() };
+    vulkan::draw(SIZE, true, |off| {
+        let id = off.renderer.add(model.streamed(streaming)).expect("a model");
+        let instances = [Instance { cloud: id, transform: DMat4::IDENTITY }];
+        let (mut evicted, mut missing) = (0, 0);
+        for frame in 0..60 {
+            let angle = 0.25 * frame as f64;
+            let distance = 1.7 + (0.3 * frame as f64).sin();
+            let view = look(distance * dvec3(angle.sin(), 0.7, angle.cos()), DVec3::ZERO, lens);
+            let blend = [Blend::TwoPass, Blend::Fuzzy, Blend::Opaque][frame % 3];
+            let technique = Technique { blend, ..Technique::TWO_PASS };
+            let shot = Shot { view: &view, instances: &instances, technique, style: &style, count: true };
+            let (stats, _) = off.draw(&shot).expect("a frame");
+            let layered = &stats.layered[0];
+            let cut = &layered.cut;
+            assert_eq!(cut.visited, cut.drawn + cut.frustum + cut.cone + cut.missing + cut.occluded, "frame {frame}");
+            let drawn = stats.points_drawn.expect("counted") + stats.culled.expect("counted").total();
+            assert_eq!(stats.points_submitted, drawn, "frame {frame}: the account");
+            assert!(layered.resident <= layered.slots);
+            (evicted, missing) = (layered.evicted, missing + cut.missing);
+        }
+        assert!(evicted > 0 && missing > 0, "{evicted} evicted, {missing} missing: the camera moved fast enough");
+        // At rest: all that the view wants comes in, over as many frames as arrivals fade.
+        let view = look(dvec3(0.8, 1.2, 1.1), DVec3::ZERO, lens);
+        let shot =
+            Shot { view: &view, instances: &instances, technique: Technique::TWO_PASS, style: &style, count: true };
+        complete(off, &shot);
+        let mut last = complete(off, &shot);
+        for _ in 0..30 {
+            last = complete(off, &shot);
+        }
+        let (cut, factor) = (last.layered[0].cut, last.layered[0].factor);
+        let options = Refine { factor, fade: streaming.fade, prefetch: streaming.prefetch, ..Refine::default() };
+        let sight = Sight::new(&view, SIZE, &DMat4::IDENTITY, model.index.origin, &style);
+        let mut expected = Cut::default();
+        refine(&model.index, &sight, &options, |_| 1.0, &mut expected);
+        let all: u64 = expected.drawn().map(|s| u64::from(model.index.nodes[s.node as usize].samples)).sum();
+        // What lies below something hidden is not refined.
+        if !occlusion {
+            assert_eq!((cut, last.points_submitted), (expected.counts, all));
+            let faded = last.culled.expect("counted").interval;
+            assert!(faded > 0 && faded == all - expected.counts.samples, "{faded} samples of {all} are faded out");
+        }
+    });
+}
+
+#[test]
+fn a_broken_patch_is_said_and_stood_in_for() {
+    let model = Model::new("broken", "torus", 12_000);
+    let path = PathBuf::from(model.folder.path("m.lpc"));
+    let mut bytes = std::fs::read(&path).expect("the model");
+    // A node that the view below wants, with children.
+    let node = model.index.nodes.iter().position(|n| n.level == 3 && n.split < 3).expect("a node");
+    let of = &model.index.nodes[node];
+    bytes[of.at as usize + 40] ^= 1;
+    std::fs::write(&path, bytes).expect("altered");
+    let access = FileAccess::open(&path).expect("the model");
+    let fetch = FetchOptions { decodings: 2, ..FetchOptions::DEFAULT };
+    let streaming = Streaming { fetch, ..Streaming::STILL };
+    let cloud: Cloud = Layered::new(Arc::clone(&model.index), Arc::new(access), streaming).into();
+    let aspect = SIZE[0] as f64 / SIZE[1] as f64;
+    let view = look(dvec3(0.8, 2.0, 1.9), DVec3::ZERO, View::perspective(0.9, aspect, 0.01));
+    let style = Style { threshold: 1.0, ..Style::default() };
+    vulkan::draw(SIZE, true, |off| {
+        let id = off.renderer.add(cloud).expect("a model");
+        let instances = [Instance { cloud: id, transform: DMat4::IDENTITY }];
+        let technique = Technique::TWO_PASS;
+        let shot = Shot { view: &view, instances: &instances, technique, style: &style, count: false };
+        let start = Instant::now();
+        let stats = loop {
+            let (stats, _) = off.draw(&shot).expect("a frame");
+            let layered = &stats.layered[0];
+            // Nothing more is asked for, and only the broken one is lacking.
+            if layered.fault.is_some() && layered.wished == 0 && layered.cut.missing == 1 {
+                break stats;
+            }
+            assert!(start.elapsed() < PATIENCE, "{layered:?}");
+        };
+        let layered = &stats.layered[0];
+        let why = layered.fault.as_deref().unwrap_or_default();
+        assert!(why.contains("m.lpc") && why.contains("checksum"), "{why}");
+        assert_eq!((layered.fetched.given_up, layered.fetched.corrupt), (1, 2));
+        let covered = off.read().expect("a picture").rgba.iter().filter(|p| p[3] > 0.5).count();
+        assert!(covered > 3000, "{covered} pixels: its parent's samples stand for it");
     });
 }

@@ -6,6 +6,7 @@ mod canary;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;
+mod fly;
 #[path = "../common/folder.rs"]
 mod folder;
 mod golden;
