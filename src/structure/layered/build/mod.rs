@@ -25,7 +25,7 @@ use crate::par;
 use crate::structure::octahedral;
 use estimate::Facing;
 use region::Region;
-use spool::{Folder, Spool};
+use spool::{Folder, Spool, Writer};
 use tree::{Above, Maker};
 
 /// Which candidates become samples.
@@ -229,13 +229,12 @@ impl Read {
         let mut far = 0;
         let mut seen = 0;
         for mut input in inputs {
-            while let Some(piece) = input.piece()? {
+            let mut ready = input.piece()?;
+            while let Some(piece) = ready.take() {
                 seen += piece.len() as u64;
-                let mut samples = self.samples(&piece);
-                samples.retain(|s| s.position.iter().all(|v| v.is_finite()));
-                far += (piece.len() - samples.len()) as u64;
-                samples.iter().for_each(|s| self.region.add(s.position));
-                out.push(&samples)?;
+                let (next, kept) = rayon::join(|| input.piece(), || self.keep(&piece, &mut out));
+                far += piece.len() as u64 - kept?;
+                ready = next?;
                 options.report("read", seen, total);
             }
             let said = input.report();
@@ -246,6 +245,15 @@ impl Read {
         }
         self.report.drop("coordinates too far from the rest for 32-bit floats", far);
         out.finish()
+    }
+
+    /// Writes the samples of a piece; how many there are.
+    fn keep(&mut self, piece: &PointCloud, out: &mut Writer<Sample>) -> Result<u64> {
+        let mut samples = self.samples(piece);
+        samples.retain(|s| s.position.iter().all(|v| v.is_finite()));
+        samples.iter().for_each(|s| self.region.add(s.position));
+        out.push(&samples)?;
+        Ok(samples.len() as u64)
     }
 
     fn samples(&mut self, piece: &PointCloud) -> Vec<Sample> {

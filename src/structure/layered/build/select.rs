@@ -12,6 +12,8 @@ use crate::rng::Rng;
 
 /// By how much the radius shrinks from one pass to the next: the number of samples it asks for grows by 1.4 on a surface.
 const SHRINK: f32 = 0.84;
+/// A grid is filled anew once the radius is less than this share of its cells' half width.
+const REFILL: f32 = 0.6;
 /// After so many passes what is missing is taken as it comes: it lies at a 4000th of the first radius.
 const PASSES: usize = 48;
 /// Candidates that the coverage is measured at.
@@ -25,22 +27,17 @@ struct Grid {
     radius: f32,
     scale: f32,
     heads: Vec<u32>,
-    next: Vec<u32>,
-    points: Vec<Vec3>,
+    points: Vec<(Vec3, u32)>,
 }
 
 const END: u32 = u32::MAX;
 
 impl Grid {
-    fn new(radius: f32, room: usize) -> Grid {
-        let slots = (2 * room).next_power_of_two().max(16);
-        Grid {
-            radius,
-            scale: 0.5 / radius,
-            heads: vec![END; slots],
-            next: Vec::with_capacity(room),
-            points: Vec::with_capacity(room),
-        }
+    fn new<'a>(radius: f32, room: usize, points: impl Iterator<Item = &'a Vec3>) -> Grid {
+        let slots = room.next_power_of_two().max(16);
+        let mut grid = Grid { radius, scale: 0.5 / radius, heads: vec![END; slots], points: Vec::with_capacity(room) };
+        points.for_each(|p| grid.insert(*p));
+        grid
     }
 
     fn slot(&self, cell: IVec3) -> usize {
@@ -51,33 +48,39 @@ impl Grid {
 
     /// Coordinates beyond what integers hold end in one cell, which costs time only.
     fn cell(&self, p: Vec3) -> IVec3 {
-        (p * self.scale).floor().as_ivec3()
+        // `floor` is a call where the processor is not known to have an instruction for it.
+        let floor = |v: f32| (v as i32).wrapping_sub(((v as i32 as f32) > v) as i32);
+        let v = p * self.scale;
+        ivec3(floor(v.x), floor(v.y), floor(v.z))
     }
 
     fn insert(&mut self, p: Vec3) {
         let slot = self.slot(self.cell(p));
-        self.next.push(self.heads[slot]);
-        self.heads[slot] = self.points.len() as u32;
-        self.points.push(p);
+        self.points.push((p, self.heads[slot]));
+        self.heads[slot] = self.points.len() as u32 - 1;
     }
 
-    /// Square of the distance to the nearest point; right if it is at most the grid's radius, and found at once if `near`.
-    fn nearest(&self, p: Vec3, near: bool) -> f32 {
-        let enough = if near { self.radius * self.radius } else { 0.0 };
-        let (low, high) = (self.cell(p - self.radius), self.cell(p + self.radius));
+    /// Square of the distance to the nearest point; right if it is at most `radius`, which is at most the grid's. The first
+    /// that is less than `enough` will do.
+    fn nearest(&self, p: Vec3, radius: f32, enough: f32) -> f32 {
+        let (low, high, own) = (self.cell(p - radius), self.cell(p + radius), self.cell(p));
+        let other = IVec3::select(own.cmpeq(low), high, low);
         let mut best = f32::INFINITY;
+        // The point's own cell first: there most of those lie that are near enough.
         for corner in 0..8 {
-            let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
-            if (0..3).any(|axis| corner >> axis & 1 == 1 && low[axis] == high[axis]) {
+            let moved = |axis: usize| corner >> axis & 1 == 1;
+            if (0..3).any(|axis| moved(axis) && low[axis] == high[axis]) {
                 continue;
             }
+            let pick = |axis: usize| if moved(axis) { other[axis] } else { own[axis] };
             let mut at = self.heads[self.slot(ivec3(pick(0), pick(1), pick(2)))];
             while at != END {
-                best = best.min(self.points[at as usize].distance_squared(p));
+                let (q, next) = self.points[at as usize];
+                best = best.min(q.distance_squared(p));
                 if best < enough {
                     return best;
                 }
-                at = self.next[at as usize];
+                at = next;
             }
         }
         best
@@ -114,14 +117,26 @@ pub(super) fn choose(
     let mut samples: Vec<u32> = Vec::with_capacity(wanted);
     let mut radius = if radius > 1e-18 { radius } else { 1e-18 };
     if !random {
+        let fill = |radius, samples: &[u32]| {
+            let own = samples.iter().map(|i| &candidates[*i as usize]);
+            Grid::new(radius, above.len() + wanted, above.iter().chain(own))
+        };
+        let mut grid = fill(radius, &samples);
+        // Square of the distance of a sample that was met: most that are too near one now still are when the radius shrinks.
+        let mut met = vec![f32::INFINITY; candidates.len()];
         for _ in 0..PASSES {
-            let mut grid = Grid::new(radius, above.len() + wanted);
-            above.iter().for_each(|p| grid.insert(*p));
-            samples.iter().for_each(|i| grid.insert(candidates[*i as usize]));
+            if radius < REFILL * grid.radius {
+                grid = fill(radius, &samples);
+            }
             let square = radius * radius;
             left.retain(|&i| {
+                if samples.len() == wanted || met[i as usize] < square {
+                    return true;
+                }
                 let p = candidates[i as usize];
-                let taken = samples.len() < wanted && grid.nearest(p, true) >= square;
+                let nearest = grid.nearest(p, radius, square);
+                met[i as usize] = nearest;
+                let taken = nearest >= square;
                 if taken {
                     grid.insert(p);
                     samples.push(i);
@@ -159,10 +174,9 @@ fn distances(asked: &[Vec3], near: &[Vec3], radius: f32) -> Vec<f32> {
         if open.is_empty() {
             break;
         }
-        let mut grid = Grid::new(radius, near.len());
-        near.iter().for_each(|p| grid.insert(*p));
+        let grid = Grid::new(radius, near.len(), near.iter());
         open.retain(|&i| {
-            let found = grid.nearest(asked[i], false).sqrt();
+            let found = grid.nearest(asked[i], radius, 0.0).sqrt();
             out[i] = found;
             found > radius
         });
@@ -176,20 +190,33 @@ fn distances(asked: &[Vec3], near: &[Vec3], radius: f32) -> Vec<f32> {
 pub(super) fn density(own: &[Vec3], all: &[Vec3]) -> f32 {
     const ASKED: usize = 48;
     const K: usize = 8;
+    const CHUNK: usize = 32;
     let step = own.len().div_ceil(ASKED).max(1);
     let mut found: Vec<f32> = Vec::with_capacity(ASKED);
+    // A plane a coordinate: distances are computed several at a time.
+    let planes = [0, 1, 2].map(|axis| all.iter().map(|q| q[axis]).collect::<Vec<f32>>());
+    let chunks = || planes[0].chunks(CHUNK).zip(planes[1].chunks(CHUNK)).zip(planes[2].chunks(CHUNK));
     for p in own.iter().step_by(step) {
         let mut best = [f32::INFINITY; K];
-        for q in all {
-            let d = p.distance_squared(*q);
-            // Itself and its copies say nothing.
-            if d > 0.0 && d < best[K - 1] {
-                let mut at = K - 1;
-                while at > 0 && best[at - 1] > d {
-                    best[at] = best[at - 1];
-                    at -= 1;
+        let mut squares = [0.0; CHUNK];
+        for ((x, y), z) in chunks() {
+            for (((d, x), y), z) in squares.iter_mut().zip(x).zip(y).zip(z) {
+                *d = (x - p.x) * (x - p.x) + (y - p.y) * (y - p.y) + (z - p.z) * (z - p.z);
+            }
+            let least = squares[..x.len()].iter().fold(f32::INFINITY, |a, b| if *b < a { *b } else { a });
+            if least >= best[K - 1] {
+                continue;
+            }
+            for &d in &squares[..x.len()] {
+                // Itself and its copies say nothing.
+                if d > 0.0 && d < best[K - 1] {
+                    let mut at = K - 1;
+                    while at > 0 && best[at - 1] > d {
+                        best[at] = best[at - 1];
+                        at -= 1;
+                    }
+                    best[at] = d;
                 }
-                best[at] = d;
             }
         }
         let there = best.iter().filter(|d| d.is_finite()).count();

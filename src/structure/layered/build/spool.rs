@@ -119,7 +119,7 @@ impl<T: Pod> Spool<T> {
 
     /// All of them, in memory.
     pub fn load(&self) -> Result<Vec<T>> {
-        let mut all = vec![T::zeroed(); self.count as usize];
+        let mut all = bytemuck::zeroed_vec(self.count as usize);
         self.read(0, &mut all)?;
         Ok(all)
     }
@@ -130,15 +130,24 @@ impl<T: Pod> Spool<T> {
         self.file.write_all_at(bytes, first * size_of::<T>() as u64).map_err(|e| self.folder.fails(e))
     }
 
-    /// Calls `f(number of the first, records)` for all, a block after the other.
-    pub fn each(&self, mut f: impl FnMut(u64, &[T]) -> Result<()>) -> Result<()> {
-        let mut block = vec![T::zeroed(); BUFFER / size_of::<T>()];
+    /// Calls `f(number of the first, records)` for all, a block after the other; the next is read meanwhile.
+    pub fn each(&self, mut f: impl FnMut(u64, &[T]) -> Result<()> + Send) -> Result<()>
+    where
+        T: Send + Sync,
+    {
+        let all = self.count;
+        let room = (BUFFER / size_of::<T>()) as u64;
+        let block = |first: u64| -> Result<Vec<T>> {
+            let mut records = bytemuck::zeroed_vec((all - first).min(room) as usize);
+            self.read(first, &mut records).map(|()| records)
+        };
         let mut first = 0;
-        while first < self.count {
-            let n = (self.count - first).min(block.len() as u64) as usize;
-            self.read(first, &mut block[..n])?;
-            f(first, &block[..n])?;
-            first += n as u64;
+        let mut ready = block(0)?;
+        while first < all {
+            let next = (first + room).min(all);
+            let (done, read) = rayon::join(|| f(first, &ready), || block(next));
+            done?;
+            (first, ready) = (next, read?);
         }
         Ok(())
     }

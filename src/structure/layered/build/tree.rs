@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use bytemuck::Zeroable;
 use glam::Vec3;
 
 use super::finish::{Draft, Grown};
@@ -63,34 +64,33 @@ struct Inner {
     taken: Vec<u64>,
 }
 
-/// The records of a part, dealt out.
+/// What is known of a part's records as they are dealt out, one after the other.
 struct Dealt {
     own: Vec<Sample>,
     regions: [Region; 2],
-    /// Distance of the farthest record from the centre.
+    /// Square of the distance of the farthest record from the centre.
     ball: f32,
+    /// Records that were dealt out.
+    count: u64,
 }
 
 impl Inner {
-    /// Hands out records from number `first` on.
-    fn deal(&self, first: u64, records: &[Sample], dealt: &mut Dealt, mut give: impl FnMut(usize, &Sample)) {
-        let mut taken = self.taken[self.taken.partition_point(|t| *t < first)..].iter().map(|t| *t - first).peekable();
-        let mut square = dealt.ball * dealt.ball;
-        for (i, record) in records.iter().enumerate() {
-            square = square.max(self.draft.centre.distance_squared(record.position.into()));
-            if taken.next_if_eq(&(i as u64)).is_some() {
-                dealt.own.push(*record);
-            } else {
-                let side = self.cut.side(record.position);
-                dealt.regions[side].add(record.position);
-                give(side, record);
-            }
-        }
-        dealt.ball = square.sqrt();
+    fn dealt(&self) -> Dealt {
+        Dealt { own: Vec::with_capacity(self.taken.len()), regions: [Region::EMPTY; 2], ball: 0.0, count: 0 }
     }
 
-    fn dealt(&self) -> Dealt {
-        Dealt { own: Vec::with_capacity(self.taken.len()), regions: [Region::EMPTY; 2], ball: 0.0 }
+    /// The child that the next record goes to; `None` if the node keeps it.
+    fn deal(&self, record: &Sample, dealt: &mut Dealt) -> Option<usize> {
+        dealt.ball = dealt.ball.max(self.draft.centre.distance_squared(record.position.into()));
+        let taken = self.taken.get(dealt.own.len()) == Some(&dealt.count);
+        dealt.count += 1;
+        if taken {
+            dealt.own.push(*record);
+            return None;
+        }
+        let side = self.cut.side(record.position);
+        dealt.regions[side].add(record.position);
+        Some(side)
     }
 }
 
@@ -105,14 +105,15 @@ impl Maker<'_> {
     ) -> Result<Box<Grown>> {
         let n = part.count();
         if n.saturating_mul(GROWING) <= self.room() || n <= self.options.samples as u64 {
-            let records = part.load()?;
+            let mut records = part.load()?;
             drop(part);
-            let mut grown = self.grow_here(records, region, above)?;
+            let mut room = bytemuck::zeroed_vec(records.len());
+            let mut grown = self.grow_here(&mut records, &mut room, region, above)?;
             grown.flush(patches)?;
             return Ok(grown);
         }
         let inner = self.inner(n, &region, &above, |picks| {
-            let mut one = [Sample { position: [0.0; 3], radius: 0.0, normal: 0, color: 0 }];
+            let mut one = [Sample::zeroed()];
             picks.iter().map(|i| part.read(*i, &mut one).map(|()| one[0].position)).collect()
         })?;
         let Some(inner) = inner else { return Err(self.heap(n, &region)) };
@@ -120,8 +121,12 @@ impl Maker<'_> {
         let mut writers = [self.folder.writer()?, self.folder.writer()?];
         let mut wrong = Ok(());
         let mut buffers: [Vec<Sample>; 2] = Default::default();
-        part.each(|first, records| {
-            inner.deal(first, records, &mut dealt, |side, record| buffers[side].push(*record));
+        part.each(|_, records| {
+            for record in records {
+                if let Some(side) = inner.deal(record, &mut dealt) {
+                    buffers[side].push(*record);
+                }
+            }
             for (writer, buffer) in writers.iter_mut().zip(&mut buffers) {
                 writer.push(buffer)?;
                 buffer.clear();
@@ -152,33 +157,48 @@ impl Maker<'_> {
         self.options.memory.saturating_sub(16 * BUFFER as u64)
     }
 
-    /// A part in memory. Subtrees are grown side by side.
-    pub fn grow_here(&self, records: Vec<Sample>, region: Region, above: Above) -> Result<Box<Grown>> {
+    /// A part in memory, and as much room. Subtrees are grown side by side.
+    fn grow_here(
+        &self,
+        records: &mut [Sample],
+        room: &mut [Sample],
+        region: Region,
+        above: Above,
+    ) -> Result<Box<Grown>> {
         let n = records.len();
         let picked = |picks: &[u64]| Ok(picks.iter().map(|i| records[*i as usize].position).collect());
         let Some(inner) = self.inner(n as u64, &region, &above, picked)? else {
             if n > MAX_SAMPLES as usize {
                 return Err(self.heap(n as u64, &region));
             }
-            let draft = self.leaf(&records, &region, &above);
-            return self.finish(draft, records, [None, None]);
+            let draft = self.leaf(records, &region, &above);
+            return self.finish(draft, records.to_vec(), [None, None]);
         };
+        // Both parts keep their order: the first moves up, the second goes through the other room.
         let mut dealt = inner.dealt();
-        let low = records.iter().filter(|r| inner.cut.side(r.position) == 0).count();
-        let mut parts = [Vec::with_capacity(low), Vec::with_capacity(n - low)];
-        inner.deal(0, &records, &mut dealt, |side, record| parts[side].push(*record));
-        drop(records);
-        let [first, second] = parts;
-        let child = |side: usize, part: Vec<Sample>| -> Result<Option<Box<Grown>>> {
+        let mut ends = [0; 2];
+        for i in 0..n {
+            let record = records[i];
+            if let Some(side) = inner.deal(&record, &mut dealt) {
+                let part = if side == 0 { &mut *records } else { &mut *room };
+                part[ends[side]] = record;
+                ends[side] += 1;
+            }
+        }
+        let (first, rest) = records.split_at_mut(ends[0]);
+        let (second, _) = rest.split_at_mut(ends[1]);
+        second.copy_from_slice(&room[..ends[1]]);
+        let (room_of_first, room_of_second) = room.split_at_mut(ends[0]);
+        let child = |side: usize, part: &mut [Sample], room: &mut [Sample]| -> Result<Option<Box<Grown>>> {
             if part.is_empty() {
                 return Ok(None);
             }
             let below = inner.below(side, &dealt, &above, n as u64);
-            self.grow_here(part, dealt.regions[side], below).map(Some)
+            self.grow_here(part, room, dealt.regions[side], below).map(Some)
         };
         let (first, second) = match n > TASK {
-            true => rayon::join(|| child(0, first), || child(1, second)),
-            false => (child(0, first), child(1, second)),
+            true => rayon::join(|| child(0, first, room_of_first), || child(1, second, room_of_second)),
+            false => (child(0, first, room_of_first), child(1, second, room_of_second)),
         };
         let children = [first?, second?];
         self.complete(inner, dealt, children)
@@ -186,7 +206,7 @@ impl Maker<'_> {
 
     fn complete(&self, inner: Inner, dealt: Dealt, children: [Option<Box<Grown>>; 2]) -> Result<Box<Grown>> {
         let mut draft = inner.draft;
-        draft.ball = dealt.ball;
+        draft.ball = dealt.ball.sqrt();
         draft.cut = Some(inner.cut);
         self.finish(draft, dealt.own, children)
     }
