@@ -57,10 +57,7 @@ impl Cloud {
 
     /// Bounds of the surface itself: see [`Flat::surface`]; faces included.
     pub fn surface(&self) -> impl Iterator<Item = Block> + '_ {
-        let faces = self.triangles().map_or(&[][..], |t| &t.blocks);
-        let bounds =
-            faces.iter().map(|b| Block { first: b.first, count: b.count, min: b.min, max: b.max, radius: 0.0 });
-        self.flat().surface().chain(bounds)
+        self.flat().surface().chain(self.triangles().into_iter().flat_map(|t| t.blocks.iter().copied()))
     }
 
     /// The model that patches come from.

@@ -17,7 +17,7 @@ mod triangles;
 use crate::load::Mesh;
 use crate::structure::{Flat, Packing, Sequential, sequential};
 
-pub use triangles::{Block, Triangles};
+pub use triangles::Triangles;
 
 /// A mesh with levels of detail.
 #[derive(Debug, Clone)]

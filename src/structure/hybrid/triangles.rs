@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 
 use crate::par;
 use crate::select::{DrawList, Sight, Span};
+use crate::structure::flat::Block;
 use crate::structure::morton::Cube;
 use crate::structure::{Flat, octahedral};
 
@@ -19,21 +20,8 @@ pub struct Triangles {
     pub corners: Vec<[u32; 3]>,
     /// Size of each face \[cloud units\], more than 0: see the module.
     pub sizes: Vec<f32>,
-    /// Runs of faces.
+    /// Runs of faces, with boxes of the corners and without a radius.
     pub blocks: Vec<Block>,
-}
-
-/// Consecutive faces, largest first.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Block {
-    /// Index of the first face.
-    pub first: u32,
-    /// Number of faces.
-    pub count: u32,
-    /// Corner of their box, relative to the origin.
-    pub min: Vec3,
-    /// Opposite corner.
-    pub max: Vec3,
 }
 
 /// Sizes of faces.
@@ -77,7 +65,8 @@ impl Triangles {
             let mut sorted: Vec<(u32, u32)> = run.iter().map(|&(_, i)| (!sizes[i as usize].to_bits(), i)).collect();
             sorted.sort_unstable();
             let first = out.corners.len() as u32;
-            let mut block = Block { first, count: run.len() as u32, min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+            let (min, max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+            let mut block = Block { first, count: run.len() as u32, min, max, radius: 0.0 };
             for (size, i) in sorted {
                 let face = &faces[i as usize];
                 let [p, q, r] = of(face);
