@@ -52,14 +52,15 @@ pub struct Requirements {
     pub conditional: vk::PhysicalDeviceConditionalRenderingFeaturesEXT<'static>,
 }
 
-/// Storage buffers that the layout of the splats' passes may have for one stage; Vulkan promises 4, devices that draw have 16 and more.
-pub(crate) const STORAGE_BUFFERS: u32 = 16;
-
 /// Names of optional items that more than one place asks for.
 const ORDER: &str = "rasterizationOrderColorAttachmentAccess";
 const TURNS: &str = "fragmentShaderPixelInterlock";
 const LAYER: &str = "shaderOutputLayer";
 const CONDITION: &str = "conditionalRendering";
+
+/// Storage buffers that one stage may use: all shaders of the splats share a layout, which has 7 for points and 8 for
+/// selection, cuts and counts. Vulkan alone guarantees 4 (1.3, "Required Limits").
+const STORAGE_BUFFERS: u32 = 16;
 
 impl Requirements {
     /// Asks a physical device. The instance must be of Vulkan 1.3 and the device belong to it.
@@ -106,8 +107,8 @@ impl Requirements {
         };
         let sums = supports(targets::SUMS, vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND);
         let depth = supports(targets::DEPTH, vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT);
+        let buffers = properties.limits.max_per_stage_descriptor_storage_buffers >= STORAGE_BUFFERS;
         let timestamps = properties.limits.timestamp_compute_and_graphics == vk::TRUE;
-        let storage = properties.limits.max_per_stage_descriptor_storage_buffers >= STORAGE_BUFFERS;
         let item = |name, disables, required, present| Requirement { name, disables, required, present };
         let all = "the renderer";
         let items = vec![
@@ -119,7 +120,7 @@ impl Requirements {
             item("maintenance4", all, true, v13.maintenance4 == vk::TRUE),
             item("blending to R32G32B32A32_SFLOAT", all, true, sums),
             item("D32_SFLOAT_S8_UINT attachments", all, true, depth),
-            item("maxPerStageDescriptorStorageBuffers of 16", all, true, storage),
+            item("maxPerStageDescriptorStorageBuffers ≥ 16", all, true, buffers),
             item("largePoints", "point sprites: quads are drawn", false, core.large_points == vk::TRUE),
             item(ORDER, "fuzzy by attachments: the interlock is used, or else two-pass", false, order),
             item(TURNS, "fuzzy by interlock: two-pass is drawn, unless attachments can be read in order", false, turns),
@@ -343,4 +344,33 @@ pub struct FrameInput<'a> {
     /// Copy the numbers that compaction lists ([`Selection::Compute`](crate::technique::Selection::Compute)) back to the
     /// processor, for [`FrameStats::lists`](crate::FrameStats::lists): to look into a frame, not for every one.
     pub keep_lists: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::draw::variant::shaders;
+    use crate::gpu::spirv::Kind;
+
+    #[test]
+    fn the_splats_layout_has_no_more_storage_buffers_than_are_required() {
+        for interlock in [Interlock::Absent, Interlock::Pixel, Interlock::Implicit] {
+            let enabled = Enabled {
+                large_points: true,
+                timestamps: true,
+                rasterization_order: true,
+                interlock,
+                output_layer: true,
+                conditional: true,
+                debug_utils: true,
+            };
+            let bindings = shaders(&enabled).into_iter().flat_map(|shader| shader.bindings);
+            let buffers = bindings.filter(|b| b.kind == Kind::StorageBuffer).map(|b| (b.set, b.binding));
+            let found = buffers.collect::<BTreeSet<_>>().len();
+            // A layout's binding counts in every stage that it names: no stage has more than all of them.
+            assert!((15..=STORAGE_BUFFERS as usize).contains(&found), "{found} storage buffers");
+        }
+    }
 }

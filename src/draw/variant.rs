@@ -430,30 +430,3 @@ impl Pipelines {
         self.passes.made.into_values().for_each(|pass| context.destroy_ordered_pass(pass));
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use std::collections::BTreeSet;
-
-    use super::*;
-    use crate::gpu::spirv::Kind;
-    use crate::host::STORAGE_BUFFERS;
-
-    #[test]
-    fn a_stage_has_no_more_storage_buffers_than_are_required() {
-        let everything = Enabled {
-            large_points: true,
-            rasterization_order: true,
-            interlock: Interlock::Pixel,
-            output_layer: true,
-            timestamps: true,
-            conditional: true,
-            debug_utils: true,
-        };
-        // A layout is of all shaders: in the worst case one stage has them all.
-        let bindings = shaders(&everything).into_iter().flat_map(|s| s.bindings);
-        let storage: BTreeSet<_> =
-            bindings.filter(|b| b.kind == Kind::StorageBuffer).map(|b| (b.set, b.binding)).collect();
-        assert!(storage.len() > 10 && storage.len() <= STORAGE_BUFFERS as usize, "{storage:?}");
-    }
-}

@@ -173,6 +173,8 @@ fn uploads_without_room_wait() {
 
 thread_local! {
     static REAL: std::cell::Cell<Option<vk::PFN_vkGetPhysicalDeviceFeatures2>> = const { std::cell::Cell::new(None) };
+    static REAL_PROPERTIES: std::cell::Cell<Option<vk::PFN_vkGetPhysicalDeviceProperties>> =
+        const { std::cell::Cell::new(None) };
 }
 
 /// A device without synchronization2 and blending of its own for each attachment.
@@ -191,15 +193,26 @@ unsafe extern "system" fn fewer_features(device: vk::PhysicalDevice, features: *
     }
 }
 
+/// A device with the storage buffers a stage that Vulkan guarantees.
+unsafe extern "system" fn lower_limits(device: vk::PhysicalDevice, to: *mut vk::PhysicalDeviceProperties) {
+    // SAFETY: the real function, which fills the struct.
+    unsafe {
+        REAL_PROPERTIES.get().expect("set before use")(device, to);
+        (*to).limits.max_per_stage_descriptor_storage_buffers = 4;
+    }
+}
+
 #[test]
 fn a_device_that_lacks_something_is_refused_by_name() {
     Engine::with(|engine| {
         REAL.set(Some(engine.instance.fp_v1_1().get_physical_device_features2));
+        REAL_PROPERTIES.set(Some(engine.instance.fp_v1_0().get_physical_device_properties));
         let instance = engine.instance.handle();
         // SAFETY: the library was loaded by the engine and stays loaded.
         let entry = unsafe { ash::Entry::load() }.expect("a loader");
         let load = |name: &CStr| match name.to_bytes() {
             b"vkGetPhysicalDeviceFeatures2" => fewer_features as *const c_void,
+            b"vkGetPhysicalDeviceProperties" => lower_limits as *const c_void,
             // SAFETY: the instance lives; an address or null comes back.
             _ => unsafe { entry.get_instance_proc_addr(instance, name.as_ptr()) }
                 .map_or(std::ptr::null(), |f| f as *const c_void),
@@ -208,14 +221,15 @@ fn a_device_that_lacks_something_is_refused_by_name() {
         let lesser = unsafe { ash::Instance::load_with(load, instance) };
         let requirements = surfel::Requirements::query(&lesser, engine.physical_device);
         let names: Vec<_> = requirements.missing().iter().map(|m| m.name).collect();
-        assert_eq!(names, ["synchronization2", "independentBlend"]);
+        let limit = "maxPerStageDescriptorStorageBuffers ≥ 16";
+        assert_eq!(names, ["synchronization2", "independentBlend", limit]);
         let target = Target::new(engine, SMALL);
         let host = Host { instance: lesser, ..engine.host() };
         // SAFETY: the handles belong together.
         let Err(Error::Unsupported(why)) = (unsafe { Renderer::new(host, target.formats()) }) else {
             panic!("it was not refused")
         };
-        assert!(why.contains("synchronization2") && why.contains("independentBlend"), "{why}");
+        assert!(why.contains("synchronization2") && why.contains("independentBlend") && why.contains(limit), "{why}");
         target.destroy(engine);
     });
 }

@@ -46,7 +46,7 @@ impl Model {
         let options = Options { samples: 256, ..Options::default() };
         let built = build(vec![Pieces::of(cloud)], &path, &options).expect("a model");
         let access = FileAccess::open(&path).expect("the model");
-        Model { folder: folder, index: Arc::new(built.index), access: Arc::new(access) }
+        Model { folder, index: Arc::new(built.index), access: Arc::new(access) }
     }
 
     fn streamed(&self, streaming: Streaming) -> Cloud {
