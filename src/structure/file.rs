@@ -2,10 +2,12 @@
 //! where.
 
 use std::fs::File;
-use std::io::{BufWriter, Read, Write};
+use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::Path;
 
-use super::Flat;
+use glam::DVec3;
+
+use super::{Flat, flat};
 use crate::error::{Error, Place, Result};
 
 /// FNV-1a, 64 bits: any altered byte alters it, since every step is reversible.
@@ -34,6 +36,27 @@ pub(super) fn fingerprint(flat: &Flat) -> u64 {
     hash.0
 }
 
+/// In the flags of a structure with points: what [`Output::points`] writes of them, and whether they are closed. Other bits are
+/// the structure's.
+const NORMALS: u32 = 1;
+const COLORS: u32 = 2;
+const CLOSED: u32 = 4;
+
+/// Flags of the points.
+pub(super) fn flags(flat: &Flat) -> u32 {
+    let flags = [(flat.normals.is_some(), NORMALS), (flat.colors.is_some(), COLORS), (flat.closed, CLOSED)];
+    flags.iter().filter(|f| f.0).map(|f| f.1).sum()
+}
+
+/// What a structure's file begins with, little-endian: a magic number, the version and others, the origin, and whose it is.
+pub(super) struct Header<const WORDS: usize> {
+    /// The first is the version.
+    pub words: [u32; WORDS],
+    pub origin: DVec3,
+    /// See [`fingerprint`].
+    pub cloud: u64,
+}
+
 /// Writes a file: whole under its name, or not at all.
 pub(super) fn save(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) -> Result<()> {
     let mut beside = path.as_os_str().to_owned();
@@ -54,6 +77,11 @@ pub(super) fn save(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std:
     })
 }
 
+/// Reads a file as `read` does, whose second argument is the name for errors.
+pub(super) fn load<T>(path: &Path, read: impl FnOnce(&mut BufReader<File>, &Path) -> Result<T>) -> Result<T> {
+    read(&mut BufReader::new(File::open(path).map_err(|e| Error::io(path, e))?), path)
+}
+
 /// Writes through a checksum.
 pub(super) struct Output<'a, W> {
     to: &'a mut W,
@@ -69,6 +97,19 @@ impl<'a, W: Write> Output<'a, W> {
         let bytes: &[u8] = bytemuck::cast_slice(items);
         self.hash.add(bytes);
         self.to.write_all(bytes)
+    }
+
+    pub fn header<const WORDS: usize>(&mut self, magic: &[u8; 8], header: &Header<WORDS>) -> std::io::Result<()> {
+        self.add(magic)?;
+        self.add(&header.words.map(u32::to_le))?;
+        self.add(&header.origin.to_array().map(f64::to_bits).map(u64::to_le))?;
+        self.add(&[header.cloud.to_le()])
+    }
+
+    /// Places and radii, normals, colours, of points that are not packed.
+    pub fn points(&mut self, flat: &Flat) -> std::io::Result<()> {
+        self.add(&flat.geometry)?;
+        [&flat.normals, &flat.colors].into_iter().flatten().try_for_each(|stream| self.add(stream))
     }
 
     /// The checksum, last of all.
@@ -111,6 +152,33 @@ impl<'a, R: Read> Input<'a, R> {
         self.hash.add(to);
         self.at += to.len() as u64;
         Ok(())
+    }
+
+    /// The header, of a file of `what` that this program reads.
+    pub fn header<const WORDS: usize>(&mut self, magic: &[u8; 8], version: u32, what: &str) -> Result<Header<WORDS>> {
+        let (mut start, mut words, mut numbers) = ([0; 8], [0u32; WORDS], [0u64; 4]);
+        self.fill(&mut start)?;
+        self.fill(bytemuck::cast_slice_mut(&mut words))?;
+        self.fill(bytemuck::cast_slice_mut(&mut numbers))?;
+        let bad = |at: u64, why: String| Err(Error::data(self.name, Place::Byte(at), why));
+        if start != *magic {
+            return bad(0, format!("not a file of {what}"));
+        }
+        let words = words.map(u32::from_le);
+        if words[0] != version {
+            return bad(8, format!("version {}: this program reads {version}", words[0]));
+        }
+        let [x, y, z, cloud] = numbers.map(u64::from_le);
+        Ok(Header { words, origin: DVec3::from_array([x, y, z].map(f64::from_bits)), cloud })
+    }
+
+    /// The points that [`Output::points`] wrote, as `flags` say.
+    pub fn points(&mut self, flags: u32, origin: DVec3, count: u64) -> Result<Flat> {
+        let geometry: Vec<[f32; 4]> = self.items(count)?;
+        let mut stream = |flag: u32| if flags & flag != 0 { self.items(count).map(Some) } else { Ok(None) };
+        let (normals, colors) = (stream(NORMALS)?, stream(COLORS)?);
+        let (blocks, closed) = (flat::blocks(geometry.len(), |i| geometry[i]), flags & CLOSED != 0);
+        Ok(Flat { origin, geometry, normals, colors, blocks, closed, ..Flat::default() })
     }
 
     /// So many items. Memory is taken as they come: a count that the file does not keep costs nothing.

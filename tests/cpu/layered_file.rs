@@ -9,6 +9,7 @@ use surfel::structure::Index;
 use surfel::structure::layered::{Options, Patch, verify};
 
 use crate::layered::{Model, scene};
+use crate::written::{fnv, signed_at};
 
 /// A file in memory that counts its reads.
 #[derive(Debug)]
@@ -50,17 +51,11 @@ fn read(bytes: Vec<u8>) -> Result<(), Error> {
 }
 
 /// FNV-1a over header and index, put behind them.
-fn signed(mut bytes: Vec<u8>) -> Vec<u8> {
+fn signed(bytes: Vec<u8>) -> Vec<u8> {
     let nodes = u32::from_le_bytes(bytes[16..20].try_into().expect("four")) as usize;
     let end = 112 + 88 * nodes;
     // Of a file that says it has more, the sum does not matter.
-    if end + 8 > bytes.len() {
-        return bytes;
-    }
-    let step = |hash: u64, b: &u8| (hash ^ *b as u64).wrapping_mul(0x0100_0000_01b3);
-    let sum = bytes[..end].iter().fold(0xcbf2_9ce4_8422_2325, step);
-    bytes[end..end + 8].copy_from_slice(&sum.to_le_bytes());
-    bytes
+    if end + 8 > bytes.len() { bytes } else { signed_at(bytes, end) }
 }
 
 #[test]
@@ -154,8 +149,7 @@ fn patches_are_checked_behind_their_checksum() {
             let mut altered = patch.clone();
             altered[at] ^= flip;
             let mut index = index.clone();
-            let step = |hash: u64, b: &u8| (hash ^ *b as u64).wrapping_mul(0x0100_0000_01b3);
-            index.nodes[0].checksum = altered.iter().fold(0xcbf2_9ce4_8422_2325, step);
+            index.nodes[0].checksum = fnv(&altered);
             // Decodes to something of the right length, or is refused.
             match Patch::decode(&index, 0, &altered) {
                 Ok(found) => assert_eq!(found.positions.len(), index.nodes[0].samples as usize),

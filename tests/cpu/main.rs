@@ -64,3 +64,4 @@ mod server;
 mod stream_fetch;
 mod stream_file;
 mod stream_http;
+mod written;

@@ -8,6 +8,7 @@ use surfel::structure::{Flat, Octree, Packing};
 
 use crate::folder::Folder;
 use crate::groups::soup;
+use crate::written::{self, signed};
 
 fn made(preset: Preset) -> (Flat, Options, Octree) {
     let (mut flat, options) = (soup(60, 0.3, 2.0, 2), Options { block: 8, ..Options::new(preset) });
@@ -29,15 +30,6 @@ fn bytes(octree: &Octree) -> Vec<u8> {
 
 fn read(mut bytes: &[u8]) -> Result<Octree, Error> {
     Octree::read(&mut bytes, Path::new("a.octree"))
-}
-
-/// FNV-1a over all but the last eight bytes, put there.
-fn signed(mut bytes: Vec<u8>) -> Vec<u8> {
-    let end = bytes.len() - 8;
-    let step = |hash: u64, b: &u8| (hash ^ *b as u64).wrapping_mul(0x0100_0000_01b3);
-    let sum = bytes[..end].iter().fold(0xcbf2_9ce4_8422_2325, step);
-    bytes[end..].copy_from_slice(&sum.to_le_bytes());
-    bytes
 }
 
 #[test]
@@ -76,24 +68,7 @@ fn whose_it_is() {
 
 #[test]
 fn every_byte_counts() {
-    let bytes = bytes(&made(Preset::Espt).2);
-    for at in 0..bytes.len() {
-        let error = read(&bytes[..at]).expect_err("cut short").to_string();
-        assert!(error.starts_with("a.octree at byte "), "cut at {at}: {error}");
-        for bit in [1, 0x80] {
-            let mut altered = bytes.clone();
-            altered[at] ^= bit;
-            assert!(read(&altered).is_err(), "byte {at} ^ {bit}");
-        }
-    }
-    let longer = [&bytes[..], &[0]].concat();
-    assert!(read(&longer).expect_err("longer").to_string().contains("after the end"));
-    // Counts that no memory holds: the file ends first.
-    for at in [44, 48, 52, 56, 60] {
-        let mut huge = bytes.clone();
-        huge[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert!(read(&huge).expect_err("huge").to_string().contains("too early"));
-    }
+    written::every_byte_counts("a.octree", &bytes(&made(Preset::Espt).2), &[44, 48, 52, 56, 60], read);
 }
 
 #[test]

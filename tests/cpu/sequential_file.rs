@@ -9,6 +9,7 @@ use surfel::structure::{Flat, Sequential};
 
 use crate::folder::Folder;
 use crate::groups::soup;
+use crate::written::{self, signed};
 
 fn made() -> (Flat, Options, Vec<u8>) {
     let (flat, options) =
@@ -24,15 +25,6 @@ fn bytes(tree: &Sequential) -> Vec<u8> {
 
 fn read(mut bytes: &[u8]) -> Result<Sequential, Error> {
     Sequential::read(&mut bytes, Path::new("a.tree"))
-}
-
-/// FNV-1a over all but the last eight bytes, put there.
-fn signed(mut bytes: Vec<u8>) -> Vec<u8> {
-    let end = bytes.len() - 8;
-    let step = |hash: u64, b: &u8| (hash ^ *b as u64).wrapping_mul(0x0100_0000_01b3);
-    let sum = bytes[..end].iter().fold(0xcbf2_9ce4_8422_2325, step);
-    bytes[end..].copy_from_slice(&sum.to_le_bytes());
-    bytes
 }
 
 #[test]
@@ -74,24 +66,7 @@ fn whose_it_is() {
 
 #[test]
 fn every_byte_counts() {
-    let (_, _, bytes) = made();
-    for at in 0..bytes.len() {
-        let error = read(&bytes[..at]).expect_err("cut short").to_string();
-        assert!(error.starts_with("a.tree at byte "), "cut at {at}: {error}");
-        for bit in [1, 0x80] {
-            let mut altered = bytes.clone();
-            altered[at] ^= bit;
-            assert!(read(&altered).is_err(), "byte {at} ^ {bit}");
-        }
-    }
-    let longer = [&bytes[..], &[0]].concat();
-    assert!(read(&longer).expect_err("longer").to_string().contains("after the end"));
-    // Counts that no memory holds: the file ends first.
-    for at in [28, 32, 36] {
-        let mut huge = bytes.clone();
-        huge[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert!(read(&huge).expect_err("huge").to_string().contains("too early"));
-    }
+    written::every_byte_counts("a.tree", &made().2, &[28, 32, 36], read);
 }
 
 #[test]

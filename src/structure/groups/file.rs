@@ -1,13 +1,12 @@
 //! Groups in a file, so that they are made once. The layout is in docs/FORMAT.md.
 
-use std::fs::File;
-use std::io::{BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::path::Path;
 
 use super::{Groups, Relax};
 use crate::error::{Error, Place, Result};
 use crate::structure::Flat;
-use crate::structure::file::{Fnv, Input, fingerprint, save};
+use crate::structure::file::{Fnv, Input, fingerprint, load, save};
 
 const MAGIC: &[u8; 8] = b"surfelGR";
 const VERSION: u32 = 1;
@@ -96,7 +95,6 @@ impl Groups {
 
     /// Reads a file; `None` where it is whole, but of another cloud or made with other options.
     pub fn load(path: &Path, flat: &Flat, relax: &Relax) -> Result<Option<Groups>> {
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
-        Groups::read(&mut BufReader::new(file), path, flat, relax)
+        load(path, |from, name| Groups::read(from, name, flat, relax))
     }
 }

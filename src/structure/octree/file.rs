@@ -1,32 +1,25 @@
 //! Octrees in a file, so that they are made once. The layout is in docs/FORMAT.md.
 
-use std::fs::File;
-use std::io::{BufReader, ErrorKind, Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::Path;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::{Block, Cell, Octree, Options, Preset, Run};
 use crate::error::{Error, Place, Result};
-use crate::structure::file::{Input, Output, save};
-use crate::structure::flat::blocks;
+use crate::structure::file::{Header, Input, Output, flags, load, save};
 use crate::structure::morton::LEVELS;
 use crate::structure::nodes::NONE;
 use crate::structure::{Flat, Packing};
 
 const MAGIC: &[u8; 8] = b"surfelOC";
 const VERSION: u32 = 1;
-/// Bytes before the cells.
-const HEADER: usize = 96;
+/// Words of the header.
+const HEADER: usize = 14;
 /// Words of a cell.
 const CELL: usize = 11;
 /// Words of a block.
 const BLOCK: usize = 8;
-
-/// In the flags.
-const NORMALS: u32 = 1;
-const COLORS: u32 = 2;
-const CLOSED: u32 = 4;
 
 impl Cell {
     fn words(&self) -> [u32; CELL] {
@@ -54,24 +47,16 @@ impl Run {
 }
 
 impl Octree {
-    /// The header: little-endian, in this order.
-    fn header(&self) -> Vec<u8> {
+    fn header(&self) -> Header<HEADER> {
         let (flat, Options { preset, block, r }) = (&self.flat, self.options);
-        let flags = [(flat.has_normals(), NORMALS), (flat.has_colors(), COLORS), (flat.closed, CLOSED)];
-        let flags = flags.iter().filter(|f| f.0).map(|f| f.1).sum::<u32>();
-        let counts = [self.cells.len(), self.blocks.len(), self.ends.len(), self.sides.len(), flat.len()];
         let finest = flat.finest.unwrap_or(f32::INFINITY);
-        let mut header = Vec::with_capacity(HEADER);
-        header.extend(MAGIC);
-        let words = [VERSION, flags, preset as u32, block, r, self.points, self.loose];
-        let words = words.into_iter().chain([self.moved.to_bits(), finest.to_bits()]);
-        for word in words.chain(counts.map(|n| n as u32)) {
-            header.extend(word.to_le_bytes());
-        }
-        for number in flat.origin.to_array().map(f64::to_bits).into_iter().chain([self.cloud]) {
-            header.extend(number.to_le_bytes());
-        }
-        header
+        let lengths = [self.cells.len(), self.blocks.len(), self.ends.len(), self.sides.len(), flat.len()];
+        let [cells, blocks, ends, sides, all] = lengths.map(|n| n as u32);
+        let (preset, points, loose, moved) = (preset as u32, self.points, self.loose, self.moved.to_bits());
+        let flags = flags(flat);
+        let words =
+            [VERSION, flags, preset, block, r, points, loose, moved, finest.to_bits(), cells, blocks, ends, sides, all];
+        Header { words, origin: flat.origin, cloud: self.cloud }
     }
 
     /// Writes it, as built: what is packed is refused, since it is not what [`is_of`](Self::is_of) would compare.
@@ -80,7 +65,7 @@ impl Octree {
             return Err(std::io::Error::new(ErrorKind::InvalidInput, "a packed octree: pack what was loaded instead"));
         }
         let mut out = Output::new(to);
-        out.add(&self.header())?;
+        out.header(MAGIC, &self.header())?;
         for cell in &self.cells {
             out.add(&cell.words())?;
         }
@@ -89,10 +74,7 @@ impl Octree {
         }
         out.add(&self.ends)?;
         out.add(&self.sides)?;
-        out.add(&self.flat.geometry)?;
-        for stream in [&self.flat.normals, &self.flat.colors].into_iter().flatten() {
-            out.add(stream)?;
-        }
+        out.points(&self.flat)?;
         out.finish()
     }
 
@@ -104,30 +86,21 @@ impl Octree {
     pub fn read(from: &mut impl Read, name: &Path) -> Result<Octree> {
         let mut input = Input::new(from, name);
         let bad = |at: u64, why: &str| Error::data(name, Place::Byte(at), why);
-        let mut header = [0; HEADER];
-        input.fill(&mut header)?;
-        let word = |i: usize| u32::from_le_bytes(std::array::from_fn(|k| header[8 + 4 * i + k]));
-        let number = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| header[64 + 8 * i + k]));
-        if &header[..8] != MAGIC {
-            return Err(bad(0, "not a file of an octree"));
-        }
-        if word(0) != VERSION {
-            return Err(bad(8, &format!("version {}: this program reads {VERSION}", word(0))));
-        }
-        let (flags, n) = (word(1), word(13) as u64);
-        let cells: Vec<[u32; CELL]> = input.items(word(9) as u64)?;
+        let Header { words, origin, cloud } = input.header::<HEADER>(MAGIC, VERSION, "an octree")?;
+        let [_, flags, preset, block, r, points, loose, moved, finest, cells, blocks, ends, sides, n] = words;
+        let cells_at = input.at();
+        let cells: Vec<[u32; CELL]> = input.items(cells as u64)?;
         let runs_at = input.at();
-        let runs: Vec<[u32; BLOCK]> = input.items(word(10) as u64)?;
-        let ends: Vec<u32> = input.items(word(11) as u64)?;
-        let sides: Vec<f32> = input.items(word(12) as u64)?;
-        let geometry: Vec<[f32; 4]> = input.items(n)?;
-        let mut stream = |flag: u32| if flags & flag != 0 { input.items(n).map(Some) } else { Ok(None) };
-        let (normals, colors) = (stream(NORMALS)?, stream(COLORS)?);
+        let runs: Vec<[u32; BLOCK]> = input.items(blocks as u64)?;
+        let ends: Vec<u32> = input.items(ends as u64)?;
+        let sides: Vec<f32> = input.items(sides as u64)?;
+        let n = n as u64;
+        let flat = input.points(flags, origin, n)?;
         input.finish()?;
 
         // What carries its checksum may still be someone else's.
-        let preset = Preset::ALL.iter().map(|(_, preset)| *preset).find(|preset| *preset as u32 == word(2));
-        let preset = preset.ok_or_else(|| bad(16, "no such preset"))?;
+        let known = Preset::ALL.iter().map(|(_, known)| *known).find(|known| *known as u32 == preset);
+        let preset = known.ok_or_else(|| bad(16, "no such preset"))?;
         if sides.len() > LEVELS as usize + 1 {
             return Err(bad(56, "more levels than a cell can be halved"));
         }
@@ -141,7 +114,7 @@ impl Octree {
         }
         let mut inside = vec![cells.len() as u32];
         for (i, &[.., level, skip, represented_by, block]) in (0u32..).zip(&cells) {
-            let at = HEADER as u64 + 4 * CELL as u64 * i as u64;
+            let at = cells_at + 4 * CELL as u64 * i as u64;
             while inside.last() == Some(&i) {
                 inside.pop();
             }
@@ -155,27 +128,18 @@ impl Octree {
                 return Err(bad(at, "a cell of a level, point or block that is not there"));
             }
         }
-        let (loose, finest) = (word(6), f32::from_bits(word(8)));
+        let finest = f32::from_bits(finest);
         if loose as u64 > n {
             return Err(bad(32, "more points in no cell than there are"));
         }
         Ok(Octree {
-            flat: Flat {
-                origin: DVec3::from_array([0, 1, 2].map(|i| f64::from_bits(number(i)))),
-                blocks: blocks(geometry.len(), |i| geometry[i]),
-                geometry,
-                normals,
-                colors,
-                closed: flags & CLOSED != 0,
-                finest: (finest < f32::INFINITY).then_some(finest),
-                ..Flat::default()
-            },
+            flat: Flat { finest: (finest < f32::INFINITY).then_some(finest), ..flat },
             preset,
-            options: Options { preset, block: word(3), r: word(4) },
-            cloud: number(3),
+            options: Options { preset, block, r },
+            cloud,
             cells: cells.iter().map(Cell::from_words).collect(),
-            points: word(5),
-            moved: f32::from_bits(word(7)),
+            points,
+            moved: f32::from_bits(moved),
             loose,
             blocks: halves
                 .map(|run| run.map(Run::from_words))
@@ -193,8 +157,7 @@ impl Octree {
 
     /// Reads a file, as [`read`](Self::read).
     pub fn load(path: &Path) -> Result<Octree> {
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
-        Octree::read(&mut BufReader::new(file), path)
+        load(path, |from, name| Octree::read(from, name))
     }
 }
 

@@ -1,29 +1,24 @@
 //! Sequential point trees in a file, so that they are made once. The layout is in docs/FORMAT.md.
 
-use std::fs::File;
-use std::io::{BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::path::Path;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::{CLUSTERS, Cone, List, Options, Sequential};
 use crate::error::{Error, Place, Result};
 use crate::structure::Flat;
-use crate::structure::file::{Input, Output, save};
-use crate::structure::flat::blocks;
+use crate::structure::file::{Header, Input, Output, flags, load, save};
 use crate::structure::nodes::{ErrorRule, NONE, Node, Nodes};
 
 const MAGIC: &[u8; 8] = b"surfelSQ";
 const VERSION: u32 = 1;
-/// Bytes before the lists.
-const HEADER: usize = 72;
+/// Words of the header.
+const HEADER: usize = 8;
 /// Words of a list.
 const LIST: usize = 13;
 
-/// In the flags.
-const NORMALS: u32 = 1;
-const COLORS: u32 = 2;
-const CLOSED: u32 = 4;
+/// In the flags, above those of the points.
 const CLUSTERED: u32 = 8;
 const PUBLISHED: u32 = 16;
 /// Above them.
@@ -46,43 +41,27 @@ impl List {
 }
 
 impl Sequential {
-    /// The header: little-endian, in this order.
-    fn header(&self) -> Vec<u8> {
-        let (flat, options) = (&self.flat, &self.options);
-        let flags = [
-            (flat.normals.is_some(), NORMALS),
-            (flat.colors.is_some(), COLORS),
-            (flat.closed, CLOSED),
-            (options.clusters, CLUSTERED),
-            (options.published_errors, PUBLISHED),
-        ];
-        let flags = flags.iter().filter(|f| f.0).map(|f| f.1).sum::<u32>() | options.blocks << BLOCKS;
-        let mut header = Vec::with_capacity(HEADER);
-        header.extend(MAGIC);
-        let words = [VERSION, flags, options.rule as u32, options.tau_max.to_bits(), options.color_error.to_bits()];
-        let counts = [self.lists.len() as u32, self.nodes.nodes.len() as u32, self.leaves];
-        for word in words.into_iter().chain(counts) {
-            header.extend(word.to_le_bytes());
-        }
-        for number in flat.origin.to_array().map(f64::to_bits).into_iter().chain([self.cloud]) {
-            header.extend(number.to_le_bytes());
-        }
-        header
+    fn header(&self) -> Header<HEADER> {
+        let Options { rule, tau_max, color_error, .. } = self.options;
+        let options = [(self.options.clusters, CLUSTERED), (self.options.published_errors, PUBLISHED)];
+        let flags = options.iter().filter(|f| f.0).fold(flags(&self.flat), |flags, f| flags | f.1);
+        let flags = flags | self.options.blocks << BLOCKS;
+        let (lists, nodes) = (self.lists.len() as u32, self.nodes.nodes.len() as u32);
+        let (tau_max, color_error) = (tau_max.to_bits(), color_error.to_bits());
+        let words = [VERSION, flags, rule as u32, tau_max, color_error, lists, nodes, self.leaves];
+        Header { words, origin: self.flat.origin, cloud: self.cloud }
     }
 
     /// Writes it.
     pub fn write(&self, to: &mut impl Write) -> std::io::Result<()> {
         let mut out = Output::new(to);
-        out.add(&self.header())?;
+        out.header(MAGIC, &self.header())?;
         for list in &self.lists {
             out.add(&list.words())?;
         }
         out.add(&self.nodes.nodes)?;
         out.add(&self.nodes.links)?;
-        out.add(&self.flat.geometry)?;
-        for stream in [&self.flat.normals, &self.flat.colors].into_iter().flatten() {
-            out.add(stream)?;
-        }
+        out.points(&self.flat)?;
         out.add(&self.levels)?;
         out.finish()
     }
@@ -95,32 +74,22 @@ impl Sequential {
     pub fn read(from: &mut impl Read, name: &Path) -> Result<Sequential> {
         let mut input = Input::new(from, name);
         let bad = |at: u64, why: &str| Error::data(name, Place::Byte(at), why);
-        let mut header = [0; HEADER];
-        input.fill(&mut header)?;
-        let word = |i: usize| u32::from_le_bytes(std::array::from_fn(|k| header[8 + 4 * i + k]));
-        let number = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| header[40 + 8 * i + k]));
-        if &header[..8] != MAGIC {
-            return Err(bad(0, "not a file of a sequential point tree"));
-        }
-        if word(0) != VERSION {
-            return Err(bad(8, &format!("version {}: this program reads {VERSION}", word(0))));
-        }
-        let (flags, leaves) = (word(1), word(7));
-        let entries = leaves as u64 + word(6) as u64;
-        let lists: Vec<[u32; LIST]> = input.items(word(5) as u64)?;
-        let nodes: Vec<Node> = input.items(word(6) as u64)?;
+        let Header { words, origin, cloud } = input.header::<HEADER>(MAGIC, VERSION, "a sequential point tree")?;
+        let [_, flags, rule, tau_max, color_error, lists, nodes, leaves] = words;
+        let entries = leaves as u64 + nodes as u64;
+        let lists_at = input.at();
+        let lists: Vec<[u32; LIST]> = input.items(lists as u64)?;
+        let nodes: Vec<Node> = input.items(nodes as u64)?;
         let links_at = input.at();
         let links: Vec<[u32; 2]> = input.items(entries)?;
-        let geometry: Vec<[f32; 4]> = input.items(entries)?;
-        let mut stream = |flag: u32| if flags & flag != 0 { input.items(entries).map(Some) } else { Ok(None) };
-        let (normals, colors) = (stream(NORMALS)?, stream(COLORS)?);
+        let flat = input.points(flags, origin, entries)?;
         let levels: Vec<u8> = input.items(entries)?;
         input.finish()?;
 
         // What carries its checksum may still be someone else's.
-        let rule = ErrorRule::ALL.iter().map(|(_, rule)| *rule).find(|rule| *rule as u32 == word(2));
-        let rule = rule.ok_or_else(|| bad(16, "no such rule"))?;
-        let (tau_max, color_error) = (f32::from_bits(word(3)), f32::from_bits(word(4)));
+        let known = ErrorRule::ALL.iter().map(|(_, known)| *known).find(|known| *known as u32 == rule);
+        let rule = known.ok_or_else(|| bad(16, "no such rule"))?;
+        let (tau_max, color_error) = (f32::from_bits(tau_max), f32::from_bits(color_error));
         if !(tau_max > 0.0 && tau_max <= 0.5) {
             return Err(bad(20, "tau_max: more than 0, at most 1/2"));
         }
@@ -131,27 +100,17 @@ impl Sequential {
         let mut end = 0;
         for (i, list) in lists.iter().enumerate() {
             if list.first as u64 != end || list.count == 0 {
-                return Err(bad((HEADER + 4 * LIST * i) as u64, "lists are not one after the other"));
+                return Err(bad(lists_at + (4 * LIST * i) as u64, "lists are not one after the other"));
             }
             end += list.count as u64;
         }
         if end != entries || flags >> BLOCKS == 0 && lists.len() > CLUSTERS + 2 {
             return Err(bad(28, "lists are not those of the entries"));
         }
-        let leaves_of = geometry.iter().zip(&links).filter(|(_, link)| link[0] == NONE).map(|(g, _)| g);
+        let leaves_of = flat.geometry.iter().zip(&links).filter(|(_, link)| link[0] == NONE).map(|(g, _)| g);
         let finest = super::finest(leaves_of);
         let mut tree = Sequential {
-            flat: Flat {
-                origin: DVec3::from_array([0, 1, 2].map(|i| f64::from_bits(number(i)))),
-                blocks: blocks(geometry.len(), |i| geometry[i]),
-                geometry,
-                normals,
-                colors,
-                closed: flags & CLOSED != 0,
-                groups: None,
-                finest: Some(finest),
-                packed: None,
-            },
+            flat: Flat { finest: Some(finest), ..flat },
             nodes: Nodes { links, nodes, rule, tau_max },
             lists,
             levels,
@@ -164,7 +123,7 @@ impl Sequential {
                 color_error,
                 published_errors: flags & PUBLISHED != 0,
             },
-            cloud: number(3),
+            cloud,
             steps: Vec::new(),
         };
         tree.index();
@@ -178,7 +137,6 @@ impl Sequential {
 
     /// Reads a file, as [`read`](Self::read).
     pub fn load(path: &Path) -> Result<Sequential> {
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
-        Sequential::read(&mut BufReader::new(file), path)
+        load(path, |from, name| Sequential::read(from, name))
     }
 }
