@@ -122,6 +122,19 @@ pub struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
+    /// Splats of a structure, of all levels, in a picture of [`SIZE`]: there is about twice as much that could be a tie as in
+    /// a flat cloud, where one level is drawn; for discs that cut each other see `every_view_and_style`.
+    pub fn levels(
+        name: String,
+        instances: &'a [(Cloud, Instance)],
+        view: &'a View,
+        technique: Technique,
+        style: &'a Style,
+    ) -> Case<'a> {
+        let (bound, ties) = if technique.blend == Blend::Opaque { (UNWEIGHTED, 4 * FEW) } else { (WEIGHTED, 2 * FEW) };
+        Case { name, size: SIZE, instances, view, technique, style, bound, ties }
+    }
+
     /// Weighted splats as points, in a picture of [`SIZE`].
     fn two_pass(name: String, instances: &'a [(Cloud, Instance)], view: &'a View, style: &'a Style) -> Case<'a> {
         let technique = Technique::TWO_PASS;

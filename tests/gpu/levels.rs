@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3, dvec3};
-use surfel::load::synthetic;
+use surfel::load::{PointCloud, synthetic};
 use surfel::readback::Picture;
 use surfel::select::{DepthConvention, DrawList, Sight, View, cut};
 use surfel::standalone::{Offscreen, Shot};
@@ -14,16 +14,20 @@ use surfel::style::{BackFaces, Interval, Style};
 use surfel::technique::{Blend, Primitive, Selection, Technique};
 use surfel::{FrameStats, Instance};
 
-use crate::against_reference::{Case, FEW, SIZE, UNWEIGHTED, WEIGHTED, check};
+use crate::against_reference::{Case, SIZE, check};
 use crate::vulkan;
 
 /// A torus in colours of its own, in patches that are finer than others.
-fn torus() -> Flat {
-    let mut cloud = synthetic::scene("torus", 6000, 1).expect("a torus");
+pub fn colored_torus(points: usize) -> PointCloud {
+    let mut cloud = synthetic::scene("torus", points, 1).expect("a torus");
     let normals = cloud.normals.as_ref().expect("normals");
     cloud.colors = Some(normals.iter().map(|n| n.to_array().map(|v| (127.5 + 127.0 * v) as u8)).collect());
     cloud.closed = false;
-    Flat::new(&cloud)
+    cloud
+}
+
+fn torus() -> Flat {
+    Flat::new(&colored_torus(6000))
 }
 
 fn tree(flat: &Flat, options: sequential::Options) -> Cloud {
@@ -61,12 +65,12 @@ fn all(flat: &Flat) -> Vec<(&'static str, Cloud)> {
     all
 }
 
-fn perspective() -> View {
+pub fn perspective() -> View {
     let lens = View::perspective(0.9, SIZE[0] as f64 / SIZE[1] as f64, 0.01);
     View::look_at(dvec3(1.6, 1.1, 1.9), DVec3::ZERO, DVec3::Y, lens, DepthConvention::Reversed)
 }
 
-fn near() -> View {
+pub fn near() -> View {
     let lens = View::perspective(0.9, SIZE[0] as f64 / SIZE[1] as f64, 0.01);
     View::look_at(dvec3(0.9, 0.5, 0.6), dvec3(0.6, 0.0, 0.0), DVec3::Y, lens, DepthConvention::Reversed)
 }
@@ -94,20 +98,9 @@ fn every_structure_is_the_reference_s_with_every_blend() {
                     (Blend::Opaque, Primitive::Point, Selection::Vertex, Interval::Exact),
                 ] {
                     let style = Style { threshold: 4.0, interval, ..Style::default() };
-                    let opaque = blend == Blend::Opaque;
-                    check(
-                        off,
-                        &Case {
-                            name: format!("{name}, {v}, {blend} {primitive} {selection}"),
-                            size: SIZE,
-                            instances: &instances,
-                            view: &view,
-                            technique: Technique { primitive, selection, blend, ..Technique::TWO_PASS },
-                            style: &style,
-                            bound: if opaque { UNWEIGHTED } else { WEIGHTED },
-                            ties: if opaque { 4 * FEW } else { 2 * FEW },
-                        },
-                    );
+                    let technique = Technique { primitive, selection, blend, ..Technique::TWO_PASS };
+                    let name = format!("{name}, {v}, {blend} {primitive} {selection}");
+                    check(off, &Case::levels(name, &instances, &view, technique, &style));
                 }
             }
             off.renderer.remove(id);

@@ -2,11 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::{DMat4, DVec3, dvec3};
+use glam::DMat4;
 use surfel::Instance;
-use surfel::load::synthetic;
 use surfel::readback::Picture;
-use surfel::select::{DepthConvention, View};
+use surfel::select::View;
 use surfel::standalone::{Offscreen, Shot};
 use surfel::structure::groups::{Groups, Relax};
 use surfel::structure::octree::{self, Preset};
@@ -14,34 +13,23 @@ use surfel::structure::{Cloud, Flat, Octree, Packing, Sequential, sequential};
 use surfel::style::{Interval, Style};
 use surfel::technique::{Blend, Primitive, Selection, Technique};
 
-use crate::against_reference::{Case, FEW, SIZE, UNWEIGHTED, WEIGHTED, check};
+use crate::against_reference::{Case, SIZE, check};
+use crate::levels::{colored_torus, near, perspective};
 use crate::vulkan;
 
 const PACKED: [Packing; 2] = [Packing::Exact, Packing::Quantised];
 
 /// A torus far from its origin, in colours of its own, and points that cannot be drawn.
 fn torus(normals: bool, colors: bool) -> Flat {
-    let mut cloud = synthetic::scene("torus", 5000, 1).expect("a torus");
-    let of = cloud.normals.as_ref().expect("normals");
-    cloud.colors = colors.then(|| of.iter().map(|n| n.to_array().map(|v| (127.5 + 127.0 * v) as u8)).collect());
+    let mut cloud = colored_torus(5000);
+    cloud.colors = cloud.colors.filter(|_| colors);
     cloud.normals = cloud.normals.filter(|_| normals);
-    cloud.closed = false;
     let mut flat = Flat::new(&cloud);
     flat.geometry[300][3] = 0.0;
     flat.geometry[301][0] = f32::NAN;
     flat.geometry[302][3] = f32::INFINITY;
     flat.groups = Some(Groups::color(&flat, &Relax { factor: 0.5, limit: 24, ..Relax::default() }).expect("groups"));
     flat
-}
-
-fn view() -> View {
-    let lens = View::perspective(0.9, SIZE[0] as f64 / SIZE[1] as f64, 0.01);
-    View::look_at(dvec3(1.6, 1.1, 1.9), DVec3::ZERO, DVec3::Y, lens, DepthConvention::Reversed)
-}
-
-fn near() -> View {
-    let lens = View::perspective(0.9, SIZE[0] as f64 / SIZE[1] as f64, 0.01);
-    View::look_at(dvec3(0.9, 0.5, 0.6), dvec3(0.6, 0.0, 0.0), DVec3::Y, lens, DepthConvention::Reversed)
 }
 
 const WAYS: [(Blend, Primitive); 6] = [
@@ -60,22 +48,13 @@ fn packed_points_are_drawn_as_the_reference_does() {
             let cloud = Cloud::from(torus(true, true)).packed(packing);
             let id = off.renderer.add(cloud.clone()).expect("a cloud");
             let instances = [(cloud, Instance { cloud: id, transform: DMat4::IDENTITY })];
-            for (v, view) in [("whole", view()), ("near", near())] {
+            for (v, view) in [("whole", perspective()), ("near", near())] {
                 // Discs seen nearly edge-on from near are steeper than the slope that `check` allows depths for.
                 let ways = WAYS.iter().filter(|(blend, _)| v == "whole" || *blend != Blend::Opaque);
                 for &(blend, primitive) in ways {
-                    let opaque = blend == Blend::Opaque;
-                    let case = Case {
-                        name: format!("{packing}, {v}, {blend} {primitive}"),
-                        size: SIZE,
-                        instances: &instances,
-                        view: &view,
-                        technique: Technique { primitive, blend, ..Technique::TWO_PASS },
-                        style: &Style::default(),
-                        bound: if opaque { UNWEIGHTED } else { WEIGHTED },
-                        ties: if opaque { 4 * FEW } else { 2 * FEW },
-                    };
-                    check(off, &case);
+                    let technique = Technique { primitive, blend, ..Technique::TWO_PASS };
+                    let name = format!("{packing}, {v}, {blend} {primitive}");
+                    check(off, &Case::levels(name, &instances, &view, technique, &Style::default()));
                 }
             }
             off.renderer.remove(id);
@@ -96,7 +75,7 @@ fn picture(off: &mut Offscreen, cloud: &Cloud, view: &View, technique: Technique
 fn same(off: &mut Offscreen, name: &str, packed: &Cloud, technique: Technique, style: &Style) {
     assert_ne!(packed.flat().packing(), Packing::Full, "{name}");
     let full = packed.clone().packed(Packing::Full);
-    for (v, view) in [("whole", view()), ("near", near())] {
+    for (v, view) in [("whole", perspective()), ("near", near())] {
         let [a, b] = [packed, &full].map(|cloud| picture(off, cloud, &view, technique, style));
         let differ = a.rgba.iter().zip(&b.rgba).filter(|(a, b)| a.map(f32::to_bits) != b.map(f32::to_bits)).count();
         assert!(a.rgba.iter().any(|p| p[3] > 0.0), "{name}, {v}: nothing is drawn");
