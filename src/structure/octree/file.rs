@@ -157,7 +157,7 @@ impl Octree {
 
     /// Reads a file, as [`read`](Self::read).
     pub fn load(path: &Path) -> Result<Octree> {
-        load(path, |from, name| Octree::read(from, name))
+        load(path, Octree::read)
     }
 }
 

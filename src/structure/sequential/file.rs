@@ -137,6 +137,6 @@ impl Sequential {
 
     /// Reads a file, as [`read`](Self::read).
     pub fn load(path: &Path) -> Result<Sequential> {
-        load(path, |from, name| Sequential::read(from, name))
+        load(path, Sequential::read)
     }
 }
