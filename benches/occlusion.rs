@@ -30,7 +30,7 @@ use surfel::{CloudId, Instance};
 
 const SIZE: [u32; 2] = [640, 640];
 /// Frames until what is visible is known: new patches are tested after 0, 2, 4 … frames.
-const SETTLE: usize = 24;
+const SETTLE: usize = 16;
 
 struct Model {
     index: Arc<Index>,
@@ -136,7 +136,7 @@ fn main() {
     let standalone = Standalone::new(&Options::default()).expect("a Vulkan device");
     println!("{}, {} x {}", standalone.info.name, SIZE[0], SIZE[1]);
     let mut off = Offscreen::new(standalone, vk::Extent2D { width: SIZE[0], height: SIZE[1] }, true).expect("a target");
-    let (deep, flat, rounds) = if small { (60_000, 60_000, 1) } else { (4_000_000, 2_000_000, 7) };
+    let (deep, flat, rounds) = if small { (60_000, 60_000, 1) } else { (2_000_000, 1_000_000, 5) };
     let lens = View::perspective(1.0, 1.0, 0.05);
     let look = |eye: DVec3, target: DVec3| View::look_at(eye, target, DVec3::Z, lens, DepthConvention::Reversed);
     let style = Style::default();

@@ -203,7 +203,7 @@ impl Renderer {
         }
     }
 
-    /// Bytes that the next `prepare` calls have to upload.
+    /// Bytes that the next `prepare` calls have to upload, of clouds that are here as a whole.
     pub fn pending_upload(&self) -> u64 {
         self.clouds.values().map(DeviceCloud::pending).sum()
     }
@@ -644,8 +644,11 @@ impl Renderer {
             patches.select(input.id, self.completed, &sights, culled, &mut streamed.table, &mut occluding);
             let staged: u64 = self.staged.iter().map(|s| s.upload.staging.size).sum();
             let budget = self.upload_budget.saturating_sub(staged);
-            if let Some(upload) = patches.stream(&mut self.context, &cloud.chunks, budget)? {
-                self.staged.push(Staged { cloud: Some(id), upload });
+            match patches.stream(&mut self.context, &cloud.chunks, budget) {
+                Ok(upload) => self.staged.extend(upload.map(|upload| Staged { cloud: Some(id), upload })),
+                // What is staged is freed when this frame is complete: there may be room then.
+                Err(Error::OutOfDeviceMemory { .. }) if staged > 0 => {}
+                Err(e) => return Err(e),
             }
             stats.layered.push(patches.stats());
         }

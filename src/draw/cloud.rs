@@ -174,9 +174,6 @@ impl DeviceCloud {
 
     /// Bytes that still have to be uploaded.
     pub fn pending(&self) -> u64 {
-        if let Some(patches) = &self.patches {
-            return patches.pending();
-        }
         let flat = self.flat();
         let (all, done) = (flat.len() as u64, self.resident() as u64);
         let nodes = self.cloud.nodes().map_or(0, |n| size_of_val(&n.links[..]) as u64);

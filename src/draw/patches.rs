@@ -12,7 +12,8 @@ use crate::gpu::upload::Upload;
 use crate::host::CloudId;
 use crate::select::Sight;
 use crate::select::layered::{
-    Cache, Cut, Limit, Occlusion, Refine, Verdict, Wish, affordable, factor_for, refine_visible, tested_ball, wishes,
+    Cache, Cut, Limit, Occlusion, Refine, Verdict, Wish, affordable, factor_visible, refine_visible, tested_ball,
+    wishes,
 };
 use crate::stats::LayeredStats;
 use crate::stream::{Fetcher, Want};
@@ -55,7 +56,7 @@ impl Ready {
 }
 
 /// One view of one instance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Seen {
     /// Index of the view.
     pub view: usize,
@@ -222,11 +223,6 @@ impl Patches {
         self.model.streaming.occlusion
     }
 
-    /// Bytes that came and are not uploaded.
-    pub fn pending(&self) -> u64 {
-        self.waiting.iter().map(|(_, patch)| patch.bytes()).sum()
-    }
-
     /// Finds what the views draw, of what is there. `sights`: what this frame shows of the model.
     pub fn select(
         &mut self,
@@ -246,25 +242,24 @@ impl Patches {
             prefetch: streaming.prefetch,
             factor: 1.0,
         };
-        let all: Vec<Sight> = sights.iter().map(|(_, sight)| sight.clone()).collect();
-        let mut limit = |limit| options.factor = options.factor.max(factor_for(index, &all, &options, limit, 1.0));
-        // Where all of the model has room, nothing has to be found out.
-        if (self.slots as usize) < index.nodes.len() {
-            limit(Limit::Patches(self.slots));
-        }
-        if let Some(most) = self.samples {
-            limit(Limit::Samples(most));
-        }
         self.used = sights.len();
         while self.parts.len() < self.used {
             self.parts.push(Part::new(Seen { view: 0, instance: 0 }));
         }
+        for (part, (seen, _)) in self.parts.iter_mut().zip(sights).filter(|(part, (seen, _))| part.seen != *seen) {
+            *part = Part::new(*seen);
+        }
+        let tests = occluding.margin.is_some();
+        let (parts, all): (_, Vec<Sight>) = (&self.parts, sights.iter().map(|(_, sight)| sight.clone()).collect());
+        let hidden = |view: usize, node: u32| tests && parts[view].known.hidden(node);
+        let factor = |limit| factor_visible(index, &all, &options, hidden, limit, 1.0);
+        // Where all of the model has room, nothing has to be found out.
+        let room = ((self.slots as usize) < index.nodes.len()).then(|| factor(Limit::Patches(self.slots)));
+        let samples = self.samples.map(|most| factor(Limit::Samples(most)));
+        options.factor = room.unwrap_or(1.0).max(samples.unwrap_or(1.0));
         self.stats = LayeredStats { factor: options.factor, slots: self.slots, ..LayeredStats::default() };
-        for (part, (seen, sight)) in self.parts.iter_mut().zip(sights) {
-            if part.seen != *seen {
-                *part = Part::new(*seen);
-            }
-            let hidden = |node| occluding.margin.is_some() && part.known.hidden(node);
+        for (part, (_, sight)) in self.parts.iter_mut().zip(sights) {
+            let hidden = |node| tests && part.known.hidden(node);
             refine_visible(index, sight, &options, |node| self.cache.presence(node), hidden, &mut part.cut);
             self.cache.mark(&part.cut);
             let slot = |node| self.cache.slot(node).map(|slot| slot.index);
@@ -359,7 +354,7 @@ impl Patches {
     /// What a view draws of an instance, patch by patch, coarse to fine. `large`: whether a block, with the radius given, may hold
     /// splats that a sprite cannot.
     pub fn shown(&self, seen: Seen, mut large: impl FnMut(&Block) -> bool) -> Shown {
-        let Some(part) = self.parts[..self.used].iter().find(|p| p.seen == seen) else { return Shown::default() };
+        let Some(part) = self.part(seen).map(|i| &self.parts[i]) else { return Shown::default() };
         let mut shown = Shown { tests: part.tests.clone(), balls: part.balls.clone(), ..Shown::default() };
         let mut query = part.tests.start;
         for (step, verdict) in part.cut.steps.iter().zip(&part.verdicts) {
@@ -386,9 +381,14 @@ impl Patches {
 
     /// A test of an earlier frame has found this.
     pub fn learn(&mut self, test: &Tested, frame: u64, visible: bool) {
-        if let Some(part) = self.parts[..self.used].iter_mut().find(|p| p.seen == test.seen) {
-            part.known.learn(test.node, frame, visible);
+        if let Some(part) = self.part(test.seen) {
+            self.parts[part].known.learn(test.node, frame, visible);
         }
+    }
+
+    /// Index of a part of this frame: they are in order.
+    fn part(&self, seen: Seen) -> Option<usize> {
+        self.parts[..self.used].binary_search_by_key(&seen, |part| part.seen).ok()
     }
 
     /// This frame's account.

@@ -55,6 +55,19 @@ impl Eq for Next {}
 ///
 /// `refine` has options for all views; its factor is not used.
 pub fn factor_for(index: &Index, sights: &[Sight], refine: &Refine, limit: Limit, finest: f64) -> f64 {
+    factor_visible(index, sights, refine, |_, _| false, limit, finest)
+}
+
+/// The same where some nodes of some views (by index) are known to be `hidden`, as in
+/// [`refine_visible`](super::refine_visible): those count, and nothing below them does.
+pub fn factor_visible(
+    index: &Index,
+    sights: &[Sight],
+    refine: &Refine,
+    hidden: impl Fn(usize, u32) -> bool,
+    limit: Limit,
+    finest: f64,
+) -> f64 {
     let Some(root) = index.nodes.first() else { return finest };
     let look = |view: usize| Look { index, sight: &sights[view], options: refine };
     // Nodes that are counted already.
@@ -79,7 +92,9 @@ pub fn factor_for(index: &Index, sights: &[Sight], refine: &Refine, limit: Limit
         let spacing = look.spacing(root);
         if look.role(root, spacing, spacing) == Role::Drawn {
             count += cost(0);
-            heap.push(Next { ratio: look.ratio(root), node: 0, view });
+            if !hidden(view, 0) {
+                heap.push(Next { ratio: look.ratio(root), node: 0, view });
+            }
         }
     }
     while let Some(next) = heap.pop().filter(|next| next.ratio > finest) {
@@ -90,8 +105,10 @@ pub fn factor_for(index: &Index, sights: &[Sight], refine: &Refine, limit: Limit
             let it = &index.nodes[child as usize];
             if look.role(it, spacing, spacing) == Role::Drawn {
                 count += cost(child);
-                // A child is only refined where its parent is.
-                heap.push(Next { ratio: look.ratio(it).min(next.ratio), node: child, view: next.view });
+                if !hidden(next.view, child) {
+                    // A child is only refined where its parent is.
+                    heap.push(Next { ratio: look.ratio(it).min(next.ratio), node: child, view: next.view });
+                }
             }
         }
         if count > most {

@@ -29,7 +29,7 @@ mod refine;
 mod time_budget;
 mod wish;
 
-pub use budget::{Limit, factor_for};
+pub use budget::{Limit, factor_for, factor_visible};
 pub use cache::{Cache, Refused, Room, Slot};
 pub use cut::{Counts, Cut, Role, Step};
 pub use fade::{rank, shown};
