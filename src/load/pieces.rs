@@ -73,7 +73,7 @@ struct Made {
 
 impl Reader for Made {
     fn next(&mut self, _: &mut Report) -> Result<Option<PointCloud>> {
-        const PIECE: u64 = 1 << 18;
+        const PIECE: u64 = 1 << 16;
         let first = self.at;
         self.at = self.points.min(first + PIECE);
         Ok((first < self.at).then(|| self.town.points(first..self.at)))

@@ -127,8 +127,10 @@ fn quantised_models_keep_within_their_bounds() {
                 seen[i] += 1;
                 let moved = Vec3::from(patch.positions[at]).distance(cloud.positions[i]);
                 worst = worst.max(moved / (precision * local[local.len() / 20]));
-                // Half a step of 255, and what f32 rounds in 255 products of the ratio.
-                let step = ((high / low).ln() as f64 / 510.0 + 255.0 * 1.2e-7).exp();
+                // The nearest of two that are q apart is off by (1 + q) / 2 at most; q is 1.04, or what 255 steps need; and
+                // what f32 rounds in 255 products of q.
+                let q = ((high / low).ln() as f64 / 255.0).exp().max(1.04);
+                let step = 0.5 * (1.0 + q) * (255.0f64 * 1.2e-7).exp();
                 let ratio = (patch.radii[at] / radii[i]) as f64;
                 assert!(ratio < step && ratio > 1.0 / step, "{ratio} of {step}");
                 // Half a step 1/254 along both axes: √18/254 as `octahedral` derives it.

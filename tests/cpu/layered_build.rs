@@ -1,6 +1,7 @@
 //! The builder of layered point clouds: the same bytes whatever runs it, any input, and nothing left behind.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
@@ -150,12 +151,62 @@ fn what_cannot_be_written_is_named() {
     let nowhere = PathBuf::from(folder.path("none/m.lpc"));
     let error = build(vec![Pieces::of(scene("sphere", 100))], &nowhere, &small()).expect_err("no folder");
     assert!(matches!(&error, Error::Io { file, .. } if *file == nowhere), "{error}");
+    // A file where a folder should be: no right to write helps, not even root's.
+    fs::write(folder.path("file"), "").expect("a file");
+    let beneath = PathBuf::from(folder.path("file/m.lpc"));
+    let error = build(vec![Pieces::of(scene("sphere", 100))], &beneath, &small()).expect_err("no folder");
+    let kind = |e: &Error| matches!(e, Error::Io { file, source } if *file == beneath && source.kind() == ErrorKind::NotADirectory);
+    assert!(kind(&error), "{error}");
+    fs::remove_file(folder.path("file")).expect("it");
     // A folder of that name: the last step fails, and takes its file along.
     let taken = PathBuf::from(folder.path("taken.lpc"));
     fs::create_dir(&taken).expect("a folder");
     let error = build(vec![Pieces::of(scene("sphere", 100))], &taken, &small()).expect_err("a folder");
     assert!(matches!(&error, Error::Io { file, .. } if *file == taken), "{error}");
     assert_eq!(parts(&folder.0), ["taken.lpc"]);
+}
+
+/// The binary builds a scene in a folder of its own, with settings of the shell before it.
+#[cfg(unix)]
+fn built_by_binary(settings: &str, args: &[&str]) -> std::process::Output {
+    let binary = env!("CARGO_BIN_EXE_surfel");
+    let line = format!("{settings}; exec \"$0\" build \"$@\"");
+    let mut shell = std::process::Command::new("sh");
+    // So that memory, which each thread takes some of, is the same everywhere.
+    shell.env("RAYON_NUM_THREADS", "4").arg("-c").arg(line).arg(binary).args(args);
+    shell.output().expect("a shell")
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_named_and_leaves_the_old_model() {
+    let folder = Folder::new("layered-full");
+    let path = folder.path("m.lpc");
+    fs::write(&path, "old").expect("a file");
+    // The system refuses what would make a file larger than so many blocks of 512 bytes, as a full disk would: at once, and
+    // in the middle of 100,000 points of 24 bytes.
+    for blocks in [0, 2000] {
+        let settings = format!("trap '' XFSZ; ulimit -f {blocks}");
+        let output = built_by_binary(&settings, &["scene:deep:100k", "-o", &path, "-q"]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!((output.status.code(), output.stdout.len()), (Some(1), 0), "{told}");
+        assert_eq!(told, format!("surfel: {path}: File too large (os error 27)\n"));
+        assert_eq!(fs::read(&path).expect("the old one"), b"old");
+        assert_eq!(parts(&folder.0), ["m.lpc"], "{blocks} blocks");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn memory_is_what_was_given() {
+    let folder = Folder::new("layered-memory");
+    // 3 M points of 24 bytes are more than 64 MiB, and so are all ways of holding them.
+    let output = built_by_binary(":", &["scene:deep:3M", "-o", &folder.path("m.lpc"), "--memory", "64M"]);
+    let told = String::from_utf8_lossy(&output.stdout);
+    let peak =
+        told.lines().find_map(|l| l.trim().strip_prefix("peak memory")?.trim().strip_suffix(" MiB")?.parse().ok());
+    let peak: f64 = peak.unwrap_or_else(|| panic!("{told}"));
+    assert!(told.contains("samples      3 000 000\n") && peak < 1.1 * 64.0, "{told}");
 }
 
 #[test]

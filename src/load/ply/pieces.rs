@@ -13,8 +13,8 @@ use crate::error::{Error, Result};
 use crate::load::pieces::{Reader, Start};
 use crate::load::{PointCloud, Report, clean};
 
-/// Rows of one piece.
-const PIECE: u64 = 1 << 18;
+/// Rows of one piece: a few MiB in all that is made of them.
+const PIECE: u64 = 1 << 16;
 
 struct Ply {
     file: PathBuf,

@@ -13,6 +13,7 @@ mod tree;
 mod write;
 
 use std::path::Path;
+use std::sync::Mutex;
 use std::sync::atomic::AtomicU64;
 
 use glam::{DVec3, Vec3};
@@ -154,7 +155,14 @@ pub fn build(inputs: Vec<Pieces>, to: &Path, options: &Options) -> Result<Built>
     let estimate = options.normals == Normals::Estimate || options.normals == Normals::Auto && !normals;
     let content = Content { normals: normals || estimate, colors, exact: options.exact, lattice };
     let total = samples.count();
-    let maker = Maker { options: &options, content, folder: folder.clone(), total, done: AtomicU64::new(0) };
+    let maker = Maker {
+        options: &options,
+        content,
+        folder: folder.clone(),
+        total,
+        done: AtomicU64::new(0),
+        held: Mutex::default(),
+    };
     let samples = if estimate {
         let facing = Facing { up, scanner: scanner.map(|s| s - origin) };
         report.assume("normals and radii estimated from neighbours, and turned in each cell of the memory by itself");

@@ -119,9 +119,14 @@ impl<T: Pod> Spool<T> {
 
     /// All of them, in memory.
     pub fn load(&self) -> Result<Vec<T>> {
-        let mut all = bytemuck::zeroed_vec(self.count as usize);
-        self.read(0, &mut all)?;
-        Ok(all)
+        let mut all = Vec::new();
+        self.load_to(&mut all).map(|()| all)
+    }
+
+    /// All of them, in place of what `to` has.
+    pub fn load_to(&self, to: &mut Vec<T>) -> Result<()> {
+        to.resize(self.count as usize, T::zeroed());
+        self.read(0, to)
     }
 
     /// Puts records where there may be others, from `first` on. A file grows as needed.
