@@ -88,7 +88,7 @@ impl Layered {
     /// Opens a model in a file or at an address, and reads its index.
     ///
     /// # Errors
-    /// As [`stream::open`] and [`Index::read`].
+    /// As [`stream::open`](crate::stream::open) and [`Index::read`].
     pub fn open(location: &str, streaming: Streaming) -> Result<Layered> {
         let access = crate::stream::open(location)?;
         Ok(Layered::new(Arc::new(Index::read(&*access)?), access, streaming))
