@@ -117,6 +117,7 @@ struct Current {
     area: vk::Rect2D,
     clouds: Vec<CloudId>,
     views: Vec<Vec<Draw>>,
+    count: bool,
 }
 
 impl Renderer {
@@ -301,7 +302,8 @@ impl Renderer {
         let layers = self.layers.as_ref().filter(|_| plan.layers > 0);
         let read = Read { targets, layers, host_depth: input.host_depth, sampler: self.composite.sampler };
         slot_ref.write(&self.context, &params, &frame, &read);
-        slot_ref.counted = input.count;
+        // Until it is recorded: a frame may end here.
+        slot_ref.counted = false;
         if let Some(lists) = slot_ref.lists.as_mut().filter(|_| !listing.is_empty()) {
             lists.write(&listing);
         }
@@ -343,6 +345,7 @@ impl Renderer {
             area: vk::Rect2D { offset: input.offset, extent: input.extent },
             clouds,
             views,
+            count: input.count,
         });
         Ok(())
     }
@@ -392,6 +395,7 @@ impl Renderer {
                 }
             };
         }
+        slot.counted = current.count;
         if slot.counted {
             // Only now is it known what of the doubtful is drawn.
             calls += count::record(&mut recorder, &bindings, &slot.counts, &current.views);

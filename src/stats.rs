@@ -96,7 +96,7 @@ pub struct FrameStats {
     pub points_submitted: u64,
     /// Triangles given to the device: those of hybrids.
     pub triangles_submitted: u64,
-    /// Points that passed selection and lie in the clip volume; `None` where nothing was counted.
+    /// Points that passed selection and lie in the clip volume; `None` where nothing was counted, or the frame ended before `render`.
     pub points_drawn: Option<u64>,
     /// The rest: `points_submitted = points_drawn + culled.total()`. `None` where nothing was counted.
     pub culled: Option<Culled>,

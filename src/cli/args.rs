@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::bench::args::BenchArgs;
 use super::camera::Named;
 use super::fly::args::FlyArgs;
+use super::offscreen::DeviceArgs;
 use super::parse::{self, Input, Orbit, Radius};
 use surfel::standalone::Layers;
 use surfel::structure::groups::Relax;
@@ -280,15 +281,8 @@ pub struct RenderArgs {
     /// Writes what the frames did and took.
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,
-    /// Part of the name of the device to use [default: the fastest kind].
-    #[arg(long, value_name = "NAME")]
-    pub device: Option<String>,
-    /// Optional features of the device to do without, by Vulkan's names (`surfel devices` lists them): draws what stands in.
-    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
-    pub without: Vec<String>,
-    /// Runs with Vulkan's validation layers; exit code 3 if they say anything.
-    #[arg(long)]
-    pub validate: bool,
+    #[command(flatten)]
+    pub on: DeviceArgs,
 }
 
 /// What is taken for true.

@@ -17,6 +17,7 @@ mod input;
 mod layered;
 mod look;
 mod memory;
+mod offscreen;
 mod output;
 mod palette;
 mod parse;

@@ -1,12 +1,10 @@
 //! `surfel render`: from inputs to a picture, its table and its statistics.
 
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 
-use surfel::ash::vk;
-use surfel::standalone::{DeviceInfo, Layers, Offscreen, Options, Shot, Standalone};
+use surfel::standalone::{DeviceInfo, Offscreen, Shot};
 use surfel::structure::Flat;
 use surfel::technique::{Structure, Technique};
 use surfel::{CloudId, Instance};
@@ -18,7 +16,7 @@ use super::progress::Progress;
 use super::report::Report;
 use super::scene::{self, Scene, Source};
 use super::scene_file::Placed;
-use super::{Outcome, frames, look, memory, output, structure};
+use super::{Outcome, frames, look, memory, offscreen, output, structure};
 
 /// Renders. What can be refused is refused before anything long begins: usage, outputs, device, size, then the files.
 pub fn run(args: &RenderArgs) -> Result<Outcome> {
@@ -36,41 +34,16 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     let source = Source::new(&args.picture.inputs, args.picture.structure.storage, &outputs)?;
     structure::check(&args.picture.structure, &technique, source.inputs.len())?;
 
-    let layers = if args.validate { Layers::CORE_SYNC } else { Layers::default() };
-    let options = Options { device: args.device.clone(), layers, without: args.without.clone(), ..Default::default() };
-    let standalone = Standalone::new(&options)?;
-    let lacking = standalone.lacking(layers);
-    if !lacking.is_empty() {
-        bail!("--validate: checks that the layers do not switch on: {}", lacking.join(", "));
-    }
-    let device = standalone.info.clone();
-    let [width, height] = args.picture.view.size;
-    fits(&device, args.picture.view.size)?;
-    let mut offscreen = Offscreen::new(standalone, vk::Extent2D { width, height }, float)?;
-    let done = picture(args, source, pose, technique, device, &mut offscreen);
-    // Whatever happened: destroyed in order, so that the layers can tell what was left alive.
-    let messages = offscreen.destroy().close();
-    for message in &messages {
-        // Nothing is left to do where stderr is closed.
-        let _ = writeln!(io::stderr(), "validation: {}: {}", message.id, message.text);
-    }
-    let mut report = done?;
-    report.validation_messages = messages.len();
+    let draw = |device, offscreen: &mut Offscreen| picture(args, source, pose, technique, device, offscreen);
+    let (mut report, messages) = offscreen::with(&args.on, args.picture.view.size, float, draw)?;
+    report.validation_messages = messages;
     if let Some(path) = &args.stats {
         let text = format!("{:#}\n", report.json());
         output::write(path, |out| Ok(out.write_all(text.as_bytes())?))?;
     }
     let table = if args.picture.quiet { String::new() } else { report.table() };
     super::print(&format!("{}\n{table}", args.picture.output.display()))?;
-    Ok(if messages.is_empty() { Outcome::Done } else { Outcome::Spoken })
-}
-
-/// Targets lie in this machine's memory where the device is its processor; what is read back always does.
-pub fn fits(device: &DeviceInfo, [width, height]: [u32; 2]) -> Result<()> {
-    // Read back: as copied, as bytes, as floats, encoded. Targets: three of four floats, and a depth.
-    let a_pixel = 16 + 16 + 16 + 8 + if device.kind == "cpu" { 3 * 16 + 4 } else { 0 };
-    let pixels = width as u64 * height as u64;
-    memory::ensure(&format!("a picture of {width}x{height}"), pixels.saturating_mul(a_pixel))
+    Ok(if messages == 0 { Outcome::Done } else { Outcome::Spoken })
 }
 
 fn picture(
@@ -127,7 +100,7 @@ fn picture(
     if args.picture.technique.threshold.is_some() && technique.structure == Structure::Flat {
         skipped.push(("threshold", "the flat structure has no level of detail: every point is drawn"));
     }
-    if !args.validate {
+    if !args.on.validate {
         skipped.push(("validation", "not asked for (--validate)"));
     }
     Ok(Report {

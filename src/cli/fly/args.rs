@@ -6,6 +6,7 @@ use clap::Args;
 use glam::DVec3;
 
 use super::super::args::{Cull, LensArgs, Shade, axis, inputs};
+use super::super::offscreen::DeviceArgs;
 use super::super::parse::{self, Input};
 use surfel::select::layered::Rule;
 use surfel::structure::layered::Streaming;
@@ -74,15 +75,8 @@ pub struct FlyArgs {
     /// Every so many frames a picture.
     #[arg(long, value_name = "K", default_value_t = 10, requires = "save", value_parser = clap::value_parser!(u32).range(1..))]
     pub every: u32,
-    /// Part of the name of the device to use [default: the fastest kind].
-    #[arg(long, value_name = "NAME")]
-    pub device: Option<String>,
-    /// Optional features of the device to do without, by Vulkan's names.
-    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
-    pub without: Vec<String>,
-    /// Runs with Vulkan's validation layers; exit code 3 if they say anything.
-    #[arg(long)]
-    pub validate: bool,
+    #[command(flatten)]
+    pub on: DeviceArgs,
     /// No progress on stderr and no table on stdout, only the model's name.
     #[arg(short, long)]
     pub quiet: bool,

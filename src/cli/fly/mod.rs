@@ -8,7 +8,6 @@ mod report;
 mod tally;
 
 use std::fs;
-use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -16,8 +15,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 
-use surfel::ash::vk;
-use surfel::standalone::{DeviceInfo, Layers, Offscreen, Options, Standalone};
+use surfel::standalone::{DeviceInfo, Offscreen};
 use surfel::stream::{self, Access, FetchOptions, FileAccess};
 use surfel::structure::layered::{Index, Layered, Streaming};
 use surfel::style::Style;
@@ -32,7 +30,7 @@ use super::args::{LookArgs, Shade};
 use super::camera::{self, Pose};
 use super::parse::{Input, Radius};
 use super::progress::Progress;
-use super::{Outcome, Usage, layered, look, memory, output, render, scene};
+use super::{Outcome, Usage, layered, look, memory, offscreen, output, scene};
 
 /// Flies. What can be refused is refused before anything long begins: usage, outputs, key frames, device, size, then the model.
 pub fn run(args: &FlyArgs) -> Result<Outcome> {
@@ -65,26 +63,9 @@ pub fn run(args: &FlyArgs) -> Result<Outcome> {
     }
     scene::readable(std::slice::from_ref(&args.model), &outputs)?;
 
-    let layers = if args.validate { Layers::CORE_SYNC } else { Layers::default() };
-    let options = Options { device: args.device.clone(), layers, without: args.without.clone(), ..Default::default() };
-    let standalone = Standalone::new(&options)?;
-    let lacking = standalone.lacking(layers);
-    if !lacking.is_empty() {
-        bail!("--validate: checks that the layers do not switch on: {}", lacking.join(", "));
-    }
-    let device = standalone.info.clone();
-    render::fits(&device, args.size)?;
-    let [width, height] = args.size;
-    let mut offscreen = Offscreen::new(standalone, vk::Extent2D { width, height }, false)?;
-    let done = flown(args, keys, start, device, &mut offscreen);
-    // Whatever happened: destroyed in order, so that the layers can tell what was left alive.
-    let messages = offscreen.destroy().close();
-    for message in &messages {
-        // Nothing is left to do where stderr is closed.
-        let _ = writeln!(io::stderr(), "validation: {}: {}", message.id, message.text);
-    }
-    let mut report = done?;
-    report.validation_messages = messages.len();
+    let draw = |device, offscreen: &mut Offscreen| flown(args, keys, start, device, offscreen);
+    let (mut report, messages) = offscreen::with(&args.on, args.size, false, draw)?;
+    report.validation_messages = messages;
     if let Some(path) = &args.stats {
         let text = format!("{:#}\n", report.json());
         output::write(path, |out| Ok(out.write_all(text.as_bytes())?))?;
@@ -94,7 +75,7 @@ pub fn run(args: &FlyArgs) -> Result<Outcome> {
     if let Some(fault) = report.fault().filter(|_| !report.shows_anything()) {
         bail!("{}: there never was a picture: {fault}", report.index.name);
     }
-    Ok(if messages.is_empty() { Outcome::Done } else { Outcome::Spoken })
+    Ok(if messages == 0 { Outcome::Done } else { Outcome::Spoken })
 }
 
 /// Opens the model and flies.

@@ -33,9 +33,9 @@ impl Percentiles {
 }
 
 /// Counts of patches over all frames of a lap, by the names of the statistics. `visited` = `drawn` + `frustum` + `cone` + `missing` +
-/// `occluded`.
-pub const PATCHES: [&str; 10] =
-    ["visited", "drawn", "frustum", "cone", "missing", "occluded", "tested", "wished", "arrived", "refused"];
+/// `occluded`; of the patches that wait for a test, `hidden` were found so.
+pub const PATCHES: [&str; 11] =
+    ["visited", "drawn", "frustum", "cone", "missing", "occluded", "tested", "hidden", "wished", "arrived", "refused"];
 
 /// What fetching did in a lap, by the names of the statistics.
 pub const FETCHED: [&str; 9] =
@@ -44,7 +44,7 @@ pub const FETCHED: [&str; 9] =
 fn patches(f: &Frame) -> [u64; PATCHES.len()] {
     let l = &f.layered;
     let c = &l.cut;
-    [c.visited, c.drawn, c.frustum, c.cone, c.missing, c.occluded, l.tested, l.wished, l.arrived, l.refused]
+    [c.visited, c.drawn, c.frustum, c.cone, c.missing, c.occluded, l.tested, l.hidden, l.wished, l.arrived, l.refused]
         .map(u64::from)
 }
 
