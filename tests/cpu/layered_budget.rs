@@ -3,18 +3,19 @@
 use std::collections::BTreeSet;
 
 use surfel::select::Sight;
-use surfel::select::layered::{Cut, Limit, Refine, Role, TimeBudget, factor_for, refine};
+use surfel::select::layered::{Cut, Limit, Refine, TimeBudget, factor_for, factor_visible, refine_visible};
 
 use crate::layered_common::{Model, Random, any_sight, degenerate, surface, with_strays};
 
-/// Samples over all views, and patches of all together.
-fn counts(model: &Model, sights: &[Sight], options: &Refine) -> (u64, u64) {
+/// Samples over all views, and patches of all together, those too that are hidden.
+fn counts(model: &Model, sights: &[Sight], options: &Refine, hidden: impl Fn(usize, u32) -> bool) -> (u64, u64) {
     let (mut samples, mut patches) = (0, BTreeSet::new());
-    for sight in sights {
+    for (view, sight) in sights.iter().enumerate() {
         let mut cut = Cut::default();
-        refine(&model.index, sight, options, |_| 1.0, &mut cut);
-        samples += cut.counts.samples;
-        patches.extend(cut.steps.iter().filter(|step| step.role == Role::Drawn).map(|step| step.node));
+        refine_visible(&model.index, sight, options, |_| 1.0, |node| hidden(view, node), &mut cut);
+        let shown: Vec<u32> = cut.steps.iter().filter(|step| step.role.is_shown()).map(|step| step.node).collect();
+        samples += shown.iter().map(|node| u64::from(model.index.nodes[*node as usize].samples)).sum::<u64>();
+        patches.extend(shown);
     }
     (samples, patches.len() as u64)
 }
@@ -30,17 +31,24 @@ fn the_factor_is_the_least_that_keeps_to_the_limit() {
             let finest = [0.0, 1.0][random.below(2)];
             let most = 1 + random.below(2000) as u64;
             let limit = if random.below(2) == 1 { Limit::Samples(most) } else { Limit::Patches(most as u32 / 20) };
-            let factor = factor_for(&model.index, &sights, &options, limit, finest);
+            // Half of the time nothing is hidden, else one node of five, others in each view.
+            let salt = random.below(2) * (1 + random.below(1000));
+            let hidden = |view: usize, node: u32| salt > 0 && (node as usize * 31 + view * 17 + salt).is_multiple_of(5);
+            let factor = match salt {
+                0 => factor_for(&model.index, &sights, &options, limit, finest),
+                _ => factor_visible(&model.index, &sights, &options, hidden, limit, finest),
+            };
             let count = |factor: f64| {
-                let (samples, patches) = counts(&model, &sights, &Refine { factor, ..options });
+                let (samples, patches) = counts(&model, &sights, &Refine { factor, ..options }, hidden);
                 match limit {
                     Limit::Samples(most) => (samples, most),
                     Limit::Patches(most) => (patches, most as u64),
                 }
             };
             if factor == finest {
-                let (count, most) = count(finest.max(f64::MIN_POSITIVE));
-                assert!(count <= most);
+                let (there, most) = count(finest.max(f64::MIN_POSITIVE));
+                // Hidden roots are not refined at any factor.
+                assert!(there <= most || there == count(f64::INFINITY).0, "{there} of {most}");
                 least += 1;
             } else if factor.is_finite() {
                 let (there, most) = count(factor);

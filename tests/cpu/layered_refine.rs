@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use glam::Vec3;
 use surfel::select::Sight;
-use surfel::select::layered::{Cut, Refine, Role, Room, Rule, Wish, affordable, refine, wishes};
+use surfel::select::layered::{Cut, Refine, Role, Room, Rule, Wish, affordable, refine, refine_visible, wishes};
 use surfel::structure::nodes::NONE;
 
 use crate::layered_common::{Model, Random, any_sight, degenerate, meets, surface, to_eye, with_strays};
@@ -218,6 +218,54 @@ fn nothing_that_is_seen_is_left_out() {
         }
     }
     assert!(beside > 3000 && away > 1000, "{beside}, {away}");
+}
+
+#[test]
+fn nothing_below_what_is_hidden_is_refined_or_wished_for() {
+    let mut random = Random(14);
+    let mut hidden_steps = 0;
+    for model in &models() {
+        let nodes = &model.index.nodes;
+        for _ in 0..100 {
+            let sight = any_sight(&mut random);
+            let options = Refine { back_faces_culled: true, prefetch: 0.7, ..Refine::default() };
+            let hidden: Vec<bool> = nodes.iter().map(|_| random.below(5) == 0).collect();
+            // Parents of what is there are there.
+            let mut there = vec![true; nodes.len()];
+            for i in 1..nodes.len() {
+                there[i] = there[nodes[i].parent as usize] && random.below(6) > 0;
+            }
+            let presence = |node: u32| f32::from(there[node as usize]);
+            let full = cut(model, &sight, &options, presence);
+            let mut seen = Cut::default();
+            refine_visible(&model.index, &sight, &options, presence, |n| hidden[n as usize], &mut seen);
+            // A node is below something hidden where an ancestor is shown in the full cut, and hidden.
+            let shown = numbers(&full, Role::Drawn);
+            let above = |mut node: u32| {
+                while nodes[node as usize].parent != NONE {
+                    node = nodes[node as usize].parent;
+                    if shown.contains(&node) && hidden[node as usize] {
+                        return true;
+                    }
+                }
+                false
+            };
+            let kept = |role| -> BTreeSet<u32> { numbers(&full, role).into_iter().filter(|n| !above(*n)).collect() };
+            let (found, visible): (BTreeSet<u32>, BTreeSet<u32>) =
+                kept(Role::Drawn).into_iter().partition(|n| hidden[*n as usize]);
+            assert_eq!(numbers(&seen, Role::Hidden), found);
+            assert_eq!(numbers(&seen, Role::Drawn), visible);
+            assert_eq!(numbers(&seen, Role::BackFacing), kept(Role::BackFacing));
+            assert_eq!(numbers(&seen, Role::Outside), kept(Role::Outside));
+            let wishes = |cut: &Cut| -> BTreeSet<u32> { cut.wishes.iter().map(|w| w.node).collect() };
+            assert_eq!(wishes(&seen), wishes(&full).into_iter().filter(|n| !above(*n)).collect());
+            let counts = seen.counts;
+            let sum = counts.drawn + counts.frustum + counts.cone + counts.missing + counts.occluded;
+            assert_eq!((counts.visited, counts.occluded), (sum, found.len() as u32));
+            hidden_steps += found.len();
+        }
+    }
+    assert!(hidden_steps > 500, "{hidden_steps}");
 }
 
 #[test]
