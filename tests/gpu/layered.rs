@@ -15,10 +15,13 @@ use surfel::structure::layered::{Layered, Options, Patience, Streaming, build, i
 use surfel::structure::{Cloud, Index};
 use surfel::style::Style;
 use surfel::technique::{Blend, Primitive, Technique};
-use surfel::{FrameStats, Instance};
+use surfel::{FrameStats, Instance, Renderer};
 
 use crate::against_reference::{Case, FEW, SIZE, UNWEIGHTED, WEIGHTED, check};
 use crate::folder::Folder;
+use crate::host_engine::Engine;
+use crate::host_scene::{Lens, camera};
+use crate::host_target::{Depth, Frame, Kind, PLAIN, Target};
 use crate::vulkan;
 
 /// Longer than any machine takes to read a file of a few hundred KiB: without it a fault here would have no end.
@@ -360,5 +363,52 @@ fn a_broken_patch_is_said_and_stood_in_for() {
         assert_eq!((layered.fetched.given_up, layered.fetched.corrupt), (1, 2));
         let covered = off.read().expect("a picture").rgba.iter().filter(|p| p[3] > 0.5).count();
         assert!(covered > 3000, "{covered} pixels: its parent's samples stand for it");
+    });
+}
+
+/// Two views of a multiview target, with geometry of the engine's own: each has tests of its own.
+#[test]
+fn what_is_hidden_in_one_view_is_seen_in_the_other() {
+    let model = Model::of("stereo", behind_a_wall());
+    Engine::with(|engine| {
+        let kind = Kind { depth: Depth::Lent, geometry: true, views: 2, ..PLAIN };
+        let views = [0, 1].map(|side| camera(side, Lens::Straight, DepthConvention::Reversed, 4.0 / 3.0));
+        let target = Target::new(engine, kind);
+        // SAFETY: the handles belong together and outlive the renderer.
+        let mut renderer = unsafe { Renderer::new(engine.host(), target.formats()) }.expect("a renderer");
+        let cmd = engine.command_buffer();
+        let style = Style { threshold: 0.5, ..Style::default() };
+        for blend in [Blend::TwoPass, Blend::Fuzzy] {
+            let technique = Technique { blend, ..Technique::TWO_PASS };
+            let mut pictures = Vec::new();
+            for occlusion in [false, true] {
+                let cloud = renderer.add(model.streamed(Streaming { occlusion, ..Streaming::STILL })).expect("a model");
+                let instances = [Instance { cloud, transform: DMat4::IDENTITY }];
+                let (start, mut settled) = (Instant::now(), 0);
+                // As in the test above: tests after 0, 2, 4 and 8 frames.
+                let frames = if occlusion { 15 } else { 1 };
+                while settled < frames {
+                    let id = engine.completed() + 1;
+                    engine.begin(cmd);
+                    let frame = Frame { id, views: &views, instances: &instances, technique, style: &style };
+                    target.record(engine, cmd, &mut renderer, &frame);
+                    engine.submit(cmd, id);
+                    engine.wait(id);
+                    let stats = renderer.retire(id).expect("statistics").pop().expect("of this frame");
+                    let drawn = stats.points_drawn.expect("counted") + stats.culled.expect("counted").total();
+                    assert_eq!(stats.points_submitted, drawn, "{blend}: the account");
+                    settled += (stats.layered[0].cut.missing == 0) as u32;
+                    assert!(settled < 15 || stats.layered[0].hidden > 0, "{blend}: {:?}", stats.layered);
+                    assert!(start.elapsed() < PATIENCE, "patches do not come: {:?}", stats.layered);
+                }
+                pictures.push([0, 1].map(|view| target.picture(view)));
+                renderer.remove(cloud);
+            }
+            assert!(pictures[0] == pictures[1], "{blend}: pictures differ");
+            assert!(pictures[0][0] != pictures[0][1], "two views");
+        }
+        // SAFETY: all frames are complete.
+        unsafe { renderer.destroy() };
+        target.destroy(engine);
     });
 }
