@@ -27,7 +27,7 @@ use crate::gpu::memory::Location;
 use crate::gpu::pass::{Recorder, Use};
 use crate::gpu::program::Program;
 use crate::gpu::resource::Buffer;
-use crate::gpu::retire::{RetireQueue, Retired};
+use crate::gpu::retire::RetireQueue;
 use crate::gpu::upload::Upload;
 use crate::gpu::{Context, Interlock};
 use crate::host::{CloudId, FrameInput, Host, Instance, Requirements, TargetFormats};
@@ -191,7 +191,7 @@ impl Renderer {
         if let Some(cloud) = self.clouds.remove(&id) {
             cloud.retire(&mut self.retired, self.newest);
             for gone in self.staged.extract_if(.., |s| s.cloud == Some(id)) {
-                self.retired.push(self.newest, Retired::Buffer(gone.upload.staging));
+                gone.upload.retire(&mut self.retired, self.newest);
             }
         }
     }
@@ -273,7 +273,7 @@ impl Renderer {
         let cameras: Vec<Camera> = input.views.iter().map(|v| Camera::new(v, input.extent)).collect();
         let sprite_limit = if plan.quads { f64::MAX } else { self.context.limits.point_size_range[1] as f64 };
         let scene = Scene { input, plan: &plan, targets: targets.plan, sprite_limit, cameras: &cameras };
-        let Streamed { table, tested, models } = self.stream(&scene, &mut stats)?;
+        let Streamed { table, tested, models } = self.stream(&scene, &mut stats);
         let of_instances: Vec<&DeviceCloud> = input.instances.iter().map(|i| self.cloud(i)).collect();
         let Assembly { views, params, listing } = scene.assemble(&of_instances);
         let any_large = views.iter().flatten().any(Draw::has_large);
@@ -492,7 +492,7 @@ impl Renderer {
         }
         self.retired.collect(context, u64::MAX);
         for Staged { upload, .. } in self.staged {
-            upload.staging.destroy(context);
+            upload.destroy(context);
         }
         for slot in self.slots {
             slot.destroy(context);
@@ -608,12 +608,12 @@ impl Renderer {
 
     /// Makes chunks and fills their staging memory, as far as budget and memory go.
     fn stage(&mut self) -> Result<()> {
-        let mut bytes: u64 = self.staged.iter().map(|s| s.upload.staging.size).sum();
+        let mut bytes: u64 = self.staged.iter().map(|s| s.upload.bytes()).sum();
         for (&id, cloud) in &mut self.clouds {
             while bytes < self.upload_budget {
                 match cloud.upload_next(&mut self.context, &self.splats) {
                     Ok(Some(upload)) => {
-                        bytes += upload.staging.size;
+                        bytes += upload.bytes();
                         self.staged.push(Staged { cloud: Some(id), upload });
                     }
                     Ok(None) => break,
@@ -626,8 +626,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Selects what this frame draws of layered point clouds, takes in what has come of them, and asks for what is missing.
-    fn stream(&mut self, scene: &Scene, stats: &mut FrameStats) -> Result<Streamed> {
+    /// Takes in what has come of layered point clouds, selects what this frame draws of them, and asks for what is missing.
+    fn stream(&mut self, scene: &Scene, stats: &mut FrameStats) -> Streamed {
         let (input, plan) = (scene.input, scene.plan);
         let mut streamed = Streamed::default();
         let tests = match plan.blend {
@@ -645,15 +645,12 @@ impl Renderer {
             let Some(patches) = &mut cloud.patches else { continue };
             let mut occluding =
                 Occluding { cloud: id, margin: margin.filter(|_| patches.occlusion()), tests: &mut streamed.tested };
-            patches.select(input.id, self.completed, &sights, culled, &mut streamed.table, &mut occluding);
-            let staged: u64 = self.staged.iter().map(|s| s.upload.staging.size).sum();
+            let staged: u64 = self.staged.iter().map(|s| s.upload.bytes()).sum();
             let budget = self.upload_budget.saturating_sub(staged);
-            match patches.stream(&mut self.context, &cloud.chunks, budget) {
-                Ok(upload) => self.staged.extend(upload.map(|upload| Staged { cloud: Some(id), upload })),
-                // What is staged is freed when this frame is complete: there may be room then.
-                Err(Error::OutOfDeviceMemory { .. }) if staged > 0 => {}
-                Err(e) => return Err(e),
-            }
+            let upload = patches.take_in(input.id, self.completed, &cloud.chunks, budget);
+            self.staged.extend(upload.map(|upload| Staged { cloud: Some(id), upload }));
+            patches.select(input.id, &sights, culled, &mut streamed.table, &mut occluding);
+            patches.ask();
             stats.layered.push(patches.stats());
         }
         let mut skip = |reason| stats.skipped.push(Skip { stage: "occlusion", reason });
@@ -664,7 +661,7 @@ impl Renderer {
             false if streamed.tested.is_empty() => skip("nothing is due to be tested"),
             false => {}
         }
-        Ok(streamed)
+        streamed
     }
 
     /// Records what is staged, and starts the frame's timestamps. Returns the bytes copied.
@@ -685,8 +682,8 @@ impl Renderer {
         }
         let mut bytes = 0;
         for Staged { upload, .. } in staged {
-            bytes += upload.staging.size;
-            self.retired.push(self.newest, Retired::Buffer(upload.staging));
+            bytes += upload.bytes();
+            upload.retire(&mut self.retired, self.newest);
         }
         bytes
     }

@@ -93,12 +93,18 @@ impl DeviceCloud {
     /// Nothing is uploaded yet; a layered point cloud has all its memory from here on.
     pub fn new(context: &mut Context, program: &Program, cloud: Cloud) -> Result<DeviceCloud> {
         let flat = cloud.flat();
-        let patches = cloud.layered().map(|model| Patches::new(Arc::clone(model))).transpose()?;
+        let patches = cloud.layered().map(|model| Patches::new(context, Arc::clone(model))).transpose()?;
         let slots: Vec<(u32, u32)> = patches.iter().flat_map(Patches::chunks).collect();
         let triangles = cloud.triangles().map_or(0, |t| t.len().div_ceil(faces::CHUNK));
         let sets = (flat.len().div_ceil(CHUNK).max(1) + triangles + slots.len()) as u32;
         let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 7 * sets }];
-        let pool = context.descriptor_pool("cloud.sets", sets, &sizes)?;
+        let pool = match context.descriptor_pool("cloud.sets", sets, &sizes) {
+            Ok(pool) => pool,
+            Err(e) => {
+                patches.into_iter().for_each(|patches| patches.end().destroy(context));
+                return Err(e);
+            }
+        };
         let bounds = Block::around(&flat.blocks);
         let mut made = DeviceCloud { cloud, bounds, chunks: Vec::new(), faces: Vec::new(), patches, pool };
         for (first, count) in slots {
@@ -237,7 +243,8 @@ impl DeviceCloud {
             .flat_map(|c| [Some(c.geometry), c.normals, c.colors, c.frames, c.groups, c.links, c.nodes])
             .flatten();
         let faces = self.faces.into_iter().flat_map(|f| f.buffers);
-        buffers.chain(faces).for_each(|buffer| queue.push(frame, Retired::Buffer(buffer)));
+        let staging = self.patches.map(Patches::end);
+        buffers.chain(faces).chain(staging).for_each(|buffer| queue.push(frame, Retired::Buffer(buffer)));
         queue.push(frame, Retired::DescriptorPool(self.pool));
     }
 }
@@ -268,7 +275,7 @@ pub(super) fn fill<const N: usize>(
         match context.descriptor_sets(pool, &[program.sets[1]]) {
             Ok(sets) => Ok((upload, sets[0])),
             Err(e) => {
-                upload.staging.destroy(context);
+                upload.destroy(context);
                 Err(e)
             }
         }

@@ -6,14 +6,15 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::Context;
+use crate::gpu::resource::Buffer;
+use crate::gpu::staging::{Piece, Pool};
 use crate::gpu::upload::Upload;
 use crate::host::CloudId;
 use crate::select::Sight;
 use crate::select::layered::{
-    Cache, Cut, Limit, Occlusion, Refine, Verdict, Wish, affordable, factor_visible, refine_visible, tested_ball,
-    wishes,
+    Cache, Cut, Limit, Occlusion, Refine, Verdict, affordable, factor_visible, refine_visible, tested_ball, wishes,
 };
 use crate::stats::LayeredStats;
 use crate::stream::{Fetcher, Want};
@@ -25,18 +26,24 @@ use super::cuts::CutTable;
 use super::occlusion::Tested;
 use super::splats::Run;
 
-/// A patch as the device keeps it, made where it is decoded.
+/// A patch as the device keeps it, in staging memory since it was decoded.
 #[derive(Debug)]
 struct Ready {
-    geometry: Vec<[f32; 4]>,
-    normals: Option<Vec<u32>>,
-    colors: Option<Vec<u32>>,
+    piece: Piece,
     /// Of these samples alone, with their own radii.
     bounds: Block,
 }
 
+/// Where a patch of `samples` has its normals and its colours in its piece, and how many bytes it has in all: each stream begins at a
+/// multiple of 16, and what a model has none of has its place.
+fn streams(samples: u64) -> [u64; 3] {
+    let normals = 16 * samples;
+    let colors = normals + (4 * samples).next_multiple_of(16);
+    [normals, colors, colors + (4 * samples).next_multiple_of(16)]
+}
+
 impl Ready {
-    fn new(patch: Patch) -> Ready {
+    fn new(mut piece: Piece, patch: &Patch) -> Ready {
         let place = |p: &[f32; 3]| Vec3::from_array(*p);
         let bounds = Block {
             first: 0,
@@ -45,15 +52,26 @@ impl Ready {
             max: patch.positions.iter().map(place).fold(Vec3::NEG_INFINITY, Vec3::max),
             radius: patch.radii.iter().copied().fold(0.0, f32::max),
         };
-        let geometry = patch.positions.iter().zip(&patch.radii).map(|([x, y, z], r)| [*x, *y, *z, *r]).collect();
-        Ready { geometry, normals: patch.normals, colors: patch.colors, bounds }
+        let bytes = piece.bytes();
+        for (to, ([x, y, z], r)) in bytes.chunks_exact_mut(16).zip(patch.positions.iter().zip(&patch.radii)) {
+            to.copy_from_slice(bytemuck::bytes_of(&[*x, *y, *z, *r]));
+        }
+        let [normals, colors, _] = streams(bounds.count.into());
+        for (at, words) in [(normals, &patch.normals), (colors, &patch.colors)] {
+            if let Some(words) = words {
+                bytes[at as usize..][..size_of_val(&words[..])].copy_from_slice(bytemuck::cast_slice(words));
+            }
+        }
+        Ready { piece, bounds }
     }
 
     fn bytes(&self) -> u64 {
-        let words = |s: &Option<Vec<u32>>| s.as_ref().map_or(0, |s| size_of_val(&s[..]));
-        (size_of_val(&self.geometry[..]) + words(&self.normals) + words(&self.colors)) as u64
+        streams(self.bounds.count.into())[2]
     }
 }
+
+/// Staging memory of a model, and so what has come and was not yet copied, at most; at least four patches \[bytes\].
+const STAGED: u64 = 16 << 20;
 
 /// One view of one instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -152,6 +170,8 @@ impl Part {
 pub struct Patches {
     model: Arc<Layered>,
     cache: Cache,
+    /// Before the threads that wait for its pieces: they end only once it is closed.
+    pool: Pool,
     fetcher: Fetcher<Ready>,
     /// Slots have 2 to this many samples.
     shift: u32,
@@ -178,19 +198,32 @@ fn of_chunk(shift: u32) -> u32 {
 }
 
 impl Patches {
-    /// Starts the threads that fetch.
-    pub fn new(model: Arc<Layered>) -> Result<Patches> {
+    /// Starts the threads that fetch, and asks for the root.
+    pub fn new(context: &mut Context, model: Arc<Layered>) -> Result<Patches> {
         let options = &model.streaming;
         let shift = model.largest().next_power_of_two().trailing_zeros();
         let words = 4 + model.flat.has_normals() as u64 + model.flat.has_colors() as u64;
         let slot = (4 * words) << shift;
         let slots = (options.cache / slot).clamp(2, model.index.nodes.len().max(2) as u64) as u32;
-        let decoder = Arc::clone(&model);
-        let decode = move |node: u32, bytes: Vec<u8>| decoder.decode(node, &bytes).map(Ready::new);
-        let fetcher = Fetcher::with_options(Arc::clone(&model.access), options.fetch, decode)?;
+        let piece = streams(1 << shift)[2];
+        let pool = Pool::new(context, piece, (STAGED / piece).clamp(4, slots.max(4).into()) as u32)?;
+        let (decoder, pieces) = (Arc::clone(&model), pool.pieces());
+        let decode = move |node: u32, bytes: Vec<u8>| {
+            let patch = decoder.decode(node, &bytes)?;
+            let piece = pieces.take().ok_or_else(|| Error::Unsupported("the model was removed".into()))?;
+            Ok(Ready::new(piece, &patch))
+        };
+        let fetcher = match Fetcher::with_options(Arc::clone(&model.access), options.fetch, decode) {
+            Ok(fetcher) => fetcher,
+            Err(e) => {
+                pool.close().destroy(context);
+                return Err(e);
+            }
+        };
         let nothing = Block { first: 0, count: 0, min: Vec3::ZERO, max: Vec3::ZERO, radius: 0.0 };
-        Ok(Patches {
+        let mut patches = Patches {
             cache: Cache::new(&model.index, slots, options.ramp),
+            pool,
             fetcher,
             shift,
             slots,
@@ -204,7 +237,19 @@ impl Patches {
             samples: options.samples,
             stats: LayeredStats::default(),
             model,
-        })
+        };
+        if let Some(root) = patches.model.index.nodes.first() {
+            patches.wanted.push(Want { key: 0, at: root.at, bytes: root.bytes, priority: f32::INFINITY });
+            patches.fetcher.want(&patches.wanted);
+        }
+        Ok(patches)
+    }
+
+    /// Ends the threads. The pool's buffer may go once the frames that copy from it are complete.
+    pub fn end(self) -> Buffer {
+        let buffer = self.pool.close();
+        drop(self.fetcher);
+        buffer
     }
 
     /// First points and numbers of points of the chunks that hold all slots.
@@ -223,18 +268,16 @@ impl Patches {
         self.model.streaming.occlusion
     }
 
-    /// Finds what the views draw, of what is there. `sights`: what this frame shows of the model.
+    /// Finds what the views draw, of what is there, after [`take_in`](Patches::take_in). `sights`: what this frame shows of the model.
     pub fn select(
         &mut self,
         frame: u64,
-        completed: u64,
         sights: &[(Seen, Sight)],
         back_faces_culled: bool,
         table: &mut CutTable,
         occluding: &mut Occluding,
     ) {
         let (index, streaming) = (&self.model.index, self.model.streaming);
-        self.cache.begin(frame, completed);
         let mut options = Refine {
             rule: streaming.rule,
             back_faces_culled,
@@ -257,7 +300,7 @@ impl Patches {
         let room = ((self.slots as usize) < index.nodes.len()).then(|| factor(Limit::Patches(self.slots)));
         let samples = self.samples.map(|most| factor(Limit::Samples(most)));
         options.factor = room.unwrap_or(1.0).max(samples.unwrap_or(1.0));
-        self.stats = LayeredStats { factor: options.factor, slots: self.slots, ..LayeredStats::default() };
+        self.stats.factor = options.factor;
         for (part, (_, sight)) in self.parts.iter_mut().zip(sights) {
             let hidden = |node| tests && part.known.hidden(node);
             refine_visible(index, sight, &options, |node| self.cache.presence(node), hidden, &mut part.cut);
@@ -271,11 +314,11 @@ impl Patches {
         }
     }
 
-    /// Takes in what has come, as far as `budget` bytes and the slots go, and asks for what the views lack. To be called after
-    /// [`select`](Patches::select); what is taken in is there in the next frame.
-    ///
-    /// Where there is no memory for the copies, everything stays as it is.
-    pub fn stream(&mut self, context: &mut Context, chunks: &[Chunk], budget: u64) -> Result<Option<Upload>> {
+    /// Begins a frame, and takes in what has come, as far as `budget` bytes and the slots go: this frame draws it. What the frame before
+    /// drew stays, since this one most likely draws it too.
+    pub fn take_in(&mut self, frame: u64, completed: u64, chunks: &[Chunk], budget: u64) -> Option<Upload> {
+        self.cache.begin(frame, completed);
+        self.stats = LayeredStats { slots: self.slots, ..LayeredStats::default() };
         if self.waiting.is_empty() {
             for (node, patch) in self.fetcher.take() {
                 match patch {
@@ -287,8 +330,54 @@ impl Patches {
                 }
             }
         }
+        let (mut bytes, mut placed) = (0, Vec::new());
+        while let Some((node, patch)) = self.waiting.pop_front() {
+            // The first in any case.
+            if bytes > 0 && bytes + patch.bytes() > budget {
+                self.waiting.push_front((node, patch));
+                break;
+            }
+            bytes += patch.bytes();
+            let wanted = self.wanted.iter().any(|want| want.key == node && want.priority > 0.0);
+            match self.cache.insert(node, wanted) {
+                Ok(slot) => {
+                    self.bounds[slot.index as usize] = patch.bounds;
+                    placed.push((slot.index, patch));
+                }
+                // It is asked for again if it is still wanted.
+                Err(_) => self.stats.refused += 1,
+            }
+        }
+        self.stats.arrived = placed.len() as u32;
+        (!placed.is_empty()).then(|| self.copies(chunks, placed))
+    }
+
+    /// Copies of patches to their slots.
+    fn copies(&self, chunks: &[Chunk], placed: Vec<(u32, Ready)>) -> Upload {
+        let (mut upload, per) = (Upload::of_pieces(&self.pool), of_chunk(self.shift));
+        for stream in 0..3 {
+            for (slot, patch) in &placed {
+                let chunk = &chunks[(slot / per) as usize];
+                let samples = u64::from(patch.bounds.count);
+                let [normals, colors, _] = streams(samples);
+                let (at, to, bytes) = match stream {
+                    0 => (0, Some(&chunk.geometry), 16),
+                    1 => (normals, chunk.normals.as_ref(), 4),
+                    _ => (colors, chunk.colors.as_ref(), 4),
+                };
+                if let Some(to) = to {
+                    let first = u64::from(slot % per) << self.shift;
+                    upload.copy(patch.piece.offset() + at, to, bytes * first, bytes * samples);
+                }
+            }
+        }
+        placed.into_iter().for_each(|(_, patch)| upload.keep(patch.piece));
+        upload
+    }
+
+    /// Asks for what the views of this frame lack.
+    pub fn ask(&mut self) {
         let wishes = wishes(self.parts[..self.used].iter().map(|part| &part.cut));
-        let upload = self.take_in(context, chunks, budget, &wishes)?;
         let lacking = |node: u32| {
             self.cache.slot(node).is_none()
                 && !self.lost.contains(&node)
@@ -305,50 +394,6 @@ impl Patches {
         }));
         self.fetcher.want(&self.wanted);
         self.stats.wished = count as u32;
-        Ok(upload)
-    }
-
-    fn take_in(
-        &mut self,
-        context: &mut Context,
-        chunks: &[Chunk],
-        budget: u64,
-        wishes: &[Wish],
-    ) -> Result<Option<Upload>> {
-        let mut bytes = 0;
-        let mut count = 0;
-        for (_, patch) in &self.waiting {
-            // The first in any case.
-            if count > 0 && bytes + patch.bytes() > budget {
-                break;
-            }
-            // Each stream of a patch is rounded up to 16.
-            bytes += patch.bytes() + 3 * 16;
-            count += 1;
-        }
-        if count == 0 {
-            return Ok(None);
-        }
-        let mut upload = Upload::new(context, bytes)?;
-        for (node, patch) in self.waiting.drain(..count) {
-            let wanted = wishes.iter().any(|wish| wish.node == node && wish.priority > 0.0);
-            // What found no place is asked for again if it is still wanted.
-            let Ok(slot) = self.cache.insert(node, wanted) else {
-                self.stats.refused += 1;
-                continue;
-            };
-            let chunk = &chunks[(slot.index / of_chunk(self.shift)) as usize];
-            let first = u64::from(slot.index % of_chunk(self.shift)) << self.shift;
-            upload.write_at(&chunk.geometry, 16 * first, bytemuck::cast_slice(&patch.geometry));
-            for (to, from) in [(&chunk.normals, &patch.normals), (&chunk.colors, &patch.colors)] {
-                if let Some((to, from)) = to.as_ref().zip(from.as_ref()) {
-                    upload.write_at(to, 4 * first, bytemuck::cast_slice(from));
-                }
-            }
-            self.bounds[slot.index as usize] = patch.bounds;
-            self.stats.arrived += 1;
-        }
-        Ok(Some(upload))
     }
 
     /// What a view draws of an instance, patch by patch, coarse to fine. `large`: whether a block, with the radius given, may hold

@@ -13,6 +13,7 @@ pub mod query;
 pub mod resource;
 pub mod retire;
 pub mod spirv;
+pub mod staging;
 pub mod upload;
 
 pub use context::{Context, Enabled, Interlock};

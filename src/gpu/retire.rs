@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use super::context::Context;
 use super::ordered::OrderedTarget;
 use super::resource::{Buffer, Image};
+use super::staging::Piece;
 use ash::vk;
 
 /// Something to destroy later.
@@ -18,6 +19,8 @@ pub enum Retired {
     DescriptorPool(vk::DescriptorPool),
     /// The target of an ordered pass.
     OrderedTarget(OrderedTarget),
+    /// Pieces of a staging pool, which others may fill from then on.
+    Pieces(Vec<Piece>),
 }
 
 impl Retired {
@@ -25,6 +28,7 @@ impl Retired {
         match self {
             Retired::Buffer(buffer) => buffer.destroy(context),
             Retired::Image(image) => image.destroy(context),
+            Retired::Pieces(pieces) => drop(pieces),
             Retired::OrderedTarget(target) => context.destroy_ordered_target(target),
             // SAFETY: its frame is complete, so no set of it is in use; destroyed once.
             Retired::DescriptorPool(pool) => unsafe { context.device.destroy_descriptor_pool(pool, None) },

@@ -61,7 +61,7 @@ impl<'a> Held<'a> {
             Recorder::new(&self.context, cmd, None).barrier(visible);
             Ok(())
         });
-        upload.staging.destroy(&mut self.context);
+        upload.destroy(&mut self.context);
         done.map(|()| at)
     }
 

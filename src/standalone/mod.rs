@@ -2,6 +2,7 @@
 
 pub mod bare;
 pub mod canary;
+mod clock;
 mod device;
 mod held;
 mod offscreen;

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use ash::vk;
 
+use super::clock::thread_ms;
 use super::device::Standalone;
 use crate::error::Result;
 use crate::gpu::Context;
@@ -41,6 +42,8 @@ pub struct FrameTimes {
     pub frame: f64,
     /// `prepare` alone.
     pub prepare: f64,
+    /// What `prepare` used of the processor, without what others did meanwhile; `None` where the system does not tell.
+    pub prepare_cpu: Option<f64>,
 }
 
 /// A renderer with a float target of its own.
@@ -176,11 +179,13 @@ impl Offscreen {
         let (renderer, context) = (&mut self.renderer, &self.context);
         let (color, depth, extent) = (&mut self.color, &mut self.depth, self.extent);
         let start = Instant::now();
-        let mut prepare = 0.0;
+        let (mut prepare, mut prepare_cpu) = (0.0, None);
         self.standalone.run(self.cmd, |cmd| {
+            let before = thread_ms();
             // SAFETY: the buffer is recording, outside a pass; ids grow, frames are waited for one by one; clouds in
             // `shot` are the caller's to keep (a panic, not worse, otherwise).
             unsafe { renderer.prepare(cmd, &input) }?;
+            prepare_cpu = before.and_then(|before| Some(thread_ms()? - before));
             prepare = start.elapsed().as_secs_f64() * 1e3;
             // SAFETY: as above; there is no host depth.
             unsafe { renderer.render(cmd) }?;
@@ -199,7 +204,7 @@ impl Offscreen {
             });
             composited
         })?;
-        let times = FrameTimes { frame: start.elapsed().as_secs_f64() * 1e3, prepare };
+        let times = FrameTimes { frame: start.elapsed().as_secs_f64() * 1e3, prepare, prepare_cpu };
         let mut stats = self.renderer.retire(self.frame)?;
         Ok((stats.pop().unwrap_or_default(), times))
     }

@@ -16,6 +16,7 @@ struct Oracle<'a> {
     there: BTreeMap<u32, (u64, u64)>,
     slots: usize,
     frame: u64,
+    marked: u64,
     completed: u64,
 }
 
@@ -45,7 +46,7 @@ impl Oracle<'_> {
         if parent != NONE && !self.there.contains_key(&parent) {
             return Err(Refused::Orphan);
         }
-        let limit = 2 * self.frame + wanted as u64;
+        let limit = 2 * self.marked + wanted as u64;
         self.up(parent, limit, 0);
         let victim = if self.there.len() < self.slots { None } else { Some(self.victim(limit).ok_or(Refused::Full)?) };
         victim.map(|victim| self.there.remove(&victim));
@@ -79,59 +80,72 @@ fn victims_are_the_oracle_s() {
     for slots in [1, 2, 17, 60, 400] {
         let mut cache = Cache::new(&model.index, slots, 0);
         let mut oracle =
-            Oracle { model: &model, there: BTreeMap::new(), slots: slots as usize, frame: 0, completed: 0 };
+            Oracle { model: &model, there: BTreeMap::new(), slots: slots as usize, frame: 0, marked: 0, completed: 0 };
         let mut given: HashMap<Slot, u32> = HashMap::new();
+        let mut drawn = BTreeSet::new();
         for frame in 1..150u64 {
             let lag = 1 + random.below(4) as u64;
             (oracle.frame, oracle.completed) = (frame, oracle.completed.max(frame.saturating_sub(lag)));
             cache.begin(frame, oracle.completed);
-            // A random set with all ancestors is drawn, and some of the others may be soon.
-            let mut cut = Cut::default();
-            let mut drawn = BTreeSet::new();
-            for &node in oracle.there.keys() {
-                let parent = model.index.nodes[node as usize].parent;
-                if (parent == NONE || drawn.contains(&parent)) && random.unit() < 0.8 {
-                    drawn.insert(node);
-                    cut.steps.push(step(node));
-                } else if drawn.contains(&parent) && random.unit() < 0.5 {
-                    cut.near.push(node);
-                }
-            }
-            cache.mark(&cut);
-            drawn.iter().for_each(|n| oracle.up(*n, 2 * frame + 1, frame));
-            cut.near.iter().for_each(|n| oracle.up(*n, 2 * frame, 0));
-            let room = cache.room();
-            assert_eq!((room.wanted, room.prefetch), (oracle.room(2 * frame + 1), oracle.room(2 * frame)));
-            for _ in 0..random.below(30) {
-                // Any, or more often one whose parent is there.
-                let mut node = if oracle.there.is_empty() { 0 } else { random.below(model.len()) as u32 };
-                if let Some(parent) = oracle.there.keys().nth(random.below(oracle.there.len().max(1))) {
-                    let child = model.index.nodes[*parent as usize].children[random.below(2)];
-                    node = if child == NONE || random.unit() < 0.3 { node } else { child };
-                }
-                let wanted = random.unit() < 0.6;
-                let before = cache.evicted();
-                match (cache.insert(node, wanted), oracle.insert(node, wanted)) {
-                    (Ok(slot), Ok(victim)) => {
-                        assert!(slot.index < slots && given.insert(slot, node).is_none(), "a slot is new each time");
-                        assert_eq!(cache.evicted() - before, victim.is_some() as u64);
-                        assert!(victim.is_none_or(|victim| !drawn.contains(&victim)));
-                        evicted += victim.is_some() as usize;
+            // What comes may come before the cuts of its frame are known, or after.
+            for known in [false, true] {
+                if known {
+                    // A random set with all ancestors is drawn, and some of the others may be soon.
+                    let mut cut = Cut::default();
+                    drawn.clear();
+                    for &node in oracle.there.keys() {
+                        let parent = model.index.nodes[node as usize].parent;
+                        if (parent == NONE || drawn.contains(&parent)) && random.unit() < 0.8 {
+                            drawn.insert(node);
+                            cut.steps.push(step(node));
+                        } else if drawn.contains(&parent) && random.unit() < 0.5 {
+                            cut.near.push(node);
+                        }
                     }
-                    (Err(a), Err(b)) => {
-                        assert_eq!(a, b);
-                        refused[a as usize] += 1;
+                    cache.mark(&cut);
+                    oracle.marked = frame;
+                    drawn.iter().for_each(|n| oracle.up(*n, 2 * frame + 1, frame));
+                    cut.near.iter().for_each(|n| oracle.up(*n, 2 * frame, 0));
+                    let room = cache.room();
+                    assert_eq!((room.wanted, room.prefetch), (oracle.room(2 * frame + 1), oracle.room(2 * frame)));
+                }
+                for _ in 0..random.below(15) {
+                    // Any, or more often one whose parent is there.
+                    let mut node = if oracle.there.is_empty() { 0 } else { random.below(model.len()) as u32 };
+                    if let Some(parent) = oracle.there.keys().nth(random.below(oracle.there.len().max(1))) {
+                        let child = model.index.nodes[*parent as usize].children[random.below(2)];
+                        node = if child == NONE || random.unit() < 0.3 { node } else { child };
                     }
-                    (got, expected) => panic!("{got:?} for {expected:?}"),
-                }
-                // What is there, and what a slot that was given once says today.
-                for n in 0..model.len() as u32 {
-                    assert_eq!(cache.slot(n).is_some(), oracle.there.contains_key(&n), "frame {frame}, node {n}");
-                    assert_eq!(cache.presence(n) > 0.0, cache.slot(n).is_some());
-                }
-                for (slot, n) in &given {
-                    let now = (cache.slot(*n) == Some(*slot)).then_some(*n);
-                    assert_eq!(cache.node(*slot), now);
+                    let wanted = random.unit() < 0.6;
+                    let before = cache.evicted();
+                    match (cache.insert(node, wanted), oracle.insert(node, wanted)) {
+                        (Ok(slot), Ok(victim)) => {
+                            assert!(
+                                slot.index < slots && given.insert(slot, node).is_none(),
+                                "a slot is new each time"
+                            );
+                            assert_eq!(cache.evicted() - before, victim.is_some() as u64);
+                            assert!(
+                                victim.is_none_or(|victim| !drawn.contains(&victim)),
+                                "drawn by the frame marked last"
+                            );
+                            evicted += victim.is_some() as usize;
+                        }
+                        (Err(a), Err(b)) => {
+                            assert_eq!(a, b);
+                            refused[a as usize] += 1;
+                        }
+                        (got, expected) => panic!("{got:?} for {expected:?}"),
+                    }
+                    // What is there, and what a slot that was given once says today.
+                    for n in 0..model.len() as u32 {
+                        assert_eq!(cache.slot(n).is_some(), oracle.there.contains_key(&n), "frame {frame}, node {n}");
+                        assert_eq!(cache.presence(n) > 0.0, cache.slot(n).is_some());
+                    }
+                    for (slot, n) in &given {
+                        let now = (cache.slot(*n) == Some(*slot)).then_some(*n);
+                        assert_eq!(cache.node(*slot), now);
+                    }
                 }
             }
         }
@@ -171,6 +185,11 @@ impl Frames<'_> {
         self.frame += 1;
         let before = self.cache.evicted();
         self.cache.begin(self.frame, self.frame.saturating_sub(3));
+        let (due, later): (Vec<_>, Vec<_>) = self.flying.drain(..).partition(|(due, ..)| *due <= self.frame);
+        self.flying.extend(later);
+        for (_, node, wanted) in due {
+            self.fetched += self.cache.insert(node, wanted).is_ok() as usize;
+        }
         let mut cuts = vec![Cut::default(); sights.len()];
         for (sight, cut) in sights.iter().zip(&mut cuts) {
             refine(&self.model.index, sight, options, |node| self.cache.presence(node), cut);
@@ -183,11 +202,6 @@ impl Frames<'_> {
                 let due = self.frame + 1 + self.random.below(5) as u64;
                 self.flying.push_back((due, wish.node, wish.priority > 0.0));
             }
-        }
-        let (due, later): (Vec<_>, Vec<_>) = self.flying.drain(..).partition(|(due, ..)| *due <= self.frame);
-        self.flying.extend(later);
-        for (_, node, wanted) in due {
-            self.fetched += self.cache.insert(node, wanted).is_ok() as usize;
         }
         for cut in &cuts {
             assert!(cut.drawn().all(|step| self.cache.slot(step.node).is_some()), "what this frame draws stays");

@@ -45,10 +45,12 @@ impl Report {
         [first(&shows), first(&|f| shows(f) && f.is_complete())]
     }
 
-    /// What `prepare` takes on the first lap over what it takes in the same view on the last, where nothing is left to come.
+    /// What `prepare` takes of the processor on the first lap over what it takes in the same view on the last, where nothing is left to
+    /// come; by the clock where the system does not tell.
     fn ratio(&self) -> Option<Summary> {
         let [first, .., last] = self.laps.as_slice() else { return None };
-        Summary::of(&first.iter().zip(last).map(|(a, b)| a.times.prepare / b.times.prepare).collect::<Vec<_>>())
+        let time = |f: &Frame| f.times.prepare_cpu.unwrap_or(f.times.prepare);
+        Summary::of(&first.iter().zip(last).map(|(a, b)| time(a) / time(b)).collect::<Vec<_>>())
     }
 
     fn device_bytes(&self) -> u64 {
@@ -130,12 +132,16 @@ impl Report {
             let _ = writeln!(text, "  {name:<26}{}", values.concat());
         };
         let ms = |p: Option<Percentiles>| match p {
-            Some(Percentiles { p50, p90, p99, max }) => format!("{p50:.1} {p90:.1} {p99:.1} {max:.1}"),
+            Some(Percentiles { p50, p90, p99, max }) if max < 100.0 => {
+                format!("{p50:.2} {p90:.2} {p99:.2} {max:.2}")
+            }
+            Some(Percentiles { p50, p90, p99, max }) => format!("{p50:.0} {p90:.0} {p99:.0} {max:.0}"),
             None => "not measured".into(),
         };
         columns("", &|lap| format!("{} frames", grouped(lap.frames as u64)));
         columns("frame [ms] 50 90 99 max", &|lap| ms(lap.frame));
         columns("prepare [ms]", &|lap| ms(lap.prepare));
+        columns("of the processor [ms]", &|lap| ms(lap.prepare_cpu));
         columns("device [ms]", &|lap| ms(lap.gpu));
         let millions = |p: Percentiles| format!("{:.2} {:.2}", 1e-6 * p.p50, 1e-6 * p.max);
         columns("samples [M] 50 max", &|lap| lap.samples.map_or_else(String::new, millions));

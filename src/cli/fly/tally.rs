@@ -60,6 +60,8 @@ pub struct Tally {
     /// [ms]
     pub frame: Option<Percentiles>,
     pub prepare: Option<Percentiles>,
+    /// Of the processor.
+    pub prepare_cpu: Option<Percentiles>,
     pub gpu: Option<Percentiles>,
     /// Samples drawn.
     pub samples: Option<Percentiles>,
@@ -105,6 +107,7 @@ impl Tally {
                 complete: frames.iter().filter(|f| f.is_complete()).count(),
                 frame: of(&|f| f.times.frame),
                 prepare: of(&|f| f.times.prepare),
+                prepare_cpu: Percentiles::of(frames.iter().filter_map(|f| f.times.prepare_cpu)),
                 gpu: Percentiles::of(frames.iter().filter_map(|f| f.gpu)),
                 samples: of(&|f| f.layered.cut.samples as f64),
                 factor: of(&|f| f.layered.factor),
@@ -143,6 +146,7 @@ impl Tally {
             "complete_frames": self.complete,
             "frame_ms": some(self.frame),
             "prepare_ms": some(self.prepare),
+            "prepare_cpu_ms": some(self.prepare_cpu),
             "gpu_ms": some(self.gpu),
             "samples": some(self.samples),
             "factor": some(self.factor),

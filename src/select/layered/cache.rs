@@ -34,7 +34,7 @@ pub enum Refused {
     There,
     /// Its parent has none.
     Orphan,
-    /// All slots are in use by this frame, by ones that are not complete, or by what is wanted more.
+    /// All slots are in use by the frame marked last, by ones that are not complete, or by what is wanted more.
     Full,
 }
 
@@ -58,7 +58,7 @@ struct Held {
 ///
 /// - A patch is there only if its parent is; the root stays. That needs no pins: a patch is never used more recently than
 ///   its parent, so in the order of victims (recency, then larger numbers first) children precede their parents.
-/// - What this frame draws is no victim, nor what a frame draws that is not complete, by the host's counter.
+/// - What the frame draws whose cuts were marked last, be it this one or one before, is no victim, nor what a frame draws that is not complete, by the host's counter.
 /// - A still camera comes to rest: what is [affordable](super::affordable) within [`Cache::room`] only takes the place of what
 ///   is not wanted. With a factor that [fits](super::factor_for) the number of slots, that is everything that is wanted.
 #[derive(Debug, Clone)]
@@ -71,6 +71,8 @@ pub struct Cache {
     /// The next victims in this frame, with the recency that they had.
     victims: VecDeque<(u64, u32)>,
     frame: u64,
+    /// The last frame of which cuts were marked.
+    marked: u64,
     completed: u64,
     ramp: u32,
     evicted: u64,
@@ -88,6 +90,7 @@ impl Cache {
             free: (0..slots).rev().collect(),
             victims: VecDeque::new(),
             frame: 0,
+            marked: 0,
             completed: 0,
             ramp,
             evicted: 0,
@@ -103,6 +106,7 @@ impl Cache {
 
     /// Notes what a view of this frame draws and may want soon.
     pub fn mark(&mut self, cut: &Cut) {
+        self.marked = self.frame;
         let drawn = 2 * self.frame + 1;
         // What is hidden is drawn where a test in the frame finds it visible.
         for step in cut.steps.iter().filter(|step| step.role.is_shown()) {
@@ -152,8 +156,8 @@ impl Cache {
         self.evicted
     }
 
-    /// Gives a patch a slot, which this frame's commands write: a free one or that of the victim. `wanted`: by a view, with a
-    /// priority above 0; otherwise it is fetched ahead.
+    /// Gives a patch a slot, which this frame's commands write: a free one or that of the victim. `wanted`: by a view of the frame
+    /// marked last, with a priority above 0; otherwise it is fetched ahead.
     pub fn insert(&mut self, node: u32, wanted: bool) -> Result<Slot, Refused> {
         if self.slots[node as usize] != NONE {
             return Err(Refused::There);
@@ -162,7 +166,7 @@ impl Cache {
         if parent != NONE && self.slots[parent as usize] == NONE {
             return Err(Refused::Orphan);
         }
-        let limit = 2 * self.frame + wanted as u64;
+        let limit = 2 * self.marked + wanted as u64;
         // First of all, so that the parent is not the victim.
         self.raise(parent, limit, 0);
         let index = match self.free.pop() {
@@ -206,7 +210,7 @@ impl Cache {
     /// The first victims in their order. Within a frame patches only become more recent, so what is no victim now will not be
     /// one, and those found stay in their order.
     fn look_for_victims(&mut self) {
-        let limit = 2 * self.frame + 1;
+        let limit = 2 * self.marked + 1;
         let mut all: Vec<(u64, u32)> =
             self.held.iter().filter(|held| self.yields(held, limit)).map(|held| (held.used, !held.node)).collect();
         if all.len() > BATCH {

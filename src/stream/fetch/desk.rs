@@ -4,7 +4,7 @@ use std::mem;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use super::plan::Job;
+use super::plan::{Idle, Job};
 use super::{FetchStats, Want};
 use crate::error::{Error, Result};
 use crate::stream::Fault;
@@ -37,6 +37,8 @@ struct Content<T> {
     signal: u64,
     /// Workers that wait.
     idle: usize,
+    /// One of them waits for results to be taken.
+    full: bool,
     stop: bool,
 }
 
@@ -70,15 +72,17 @@ impl<T> Desk<T> {
             fault: None,
             signal: 0,
             idle: 0,
+            full: false,
             stop: false,
         };
         Desk { content: Mutex::new(content), bell: Condvar::new() }
     }
 
+    /// Wakes one worker, which wakes the next if it finds something to do: a frame's thread does not pay for waking them all.
     fn ring(&self, content: &mut Content<T>) {
         content.signal += 1;
         if content.idle > 0 {
-            self.bell.notify_all();
+            self.bell.notify_one();
         }
     }
 
@@ -100,7 +104,12 @@ impl<T> Desk<T> {
         let keys = (content.generation, mem::take(&mut content.waiting));
         content.taken.push(keys);
         content.done_bytes = 0;
-        self.ring(&mut content);
+        if mem::take(&mut content.full) {
+            self.ring(&mut content);
+        } else {
+            // Whoever finds no room just now looks again.
+            content.signal += 1;
+        }
         done
     }
 
@@ -116,7 +125,8 @@ impl<T> Desk<T> {
     pub(super) fn stop(&self) {
         let mut content = locked(&self.content);
         content.stop = true;
-        self.ring(&mut content);
+        content.signal += 1;
+        self.bell.notify_all();
     }
 
     /// For a worker whose list is of `generation`: a newer list if there is one, for which it gives back the old. `again`: it
@@ -161,15 +171,20 @@ impl<T> Desk<T> {
     }
 
     /// What a plan came to: a request, or none; `held` is what is in flight now, keys and bytes.
-    pub(super) fn begin(&self, job: Option<&Job>, forgotten: u64, held: (u64, u64)) {
+    pub(super) fn begin(&self, job: Result<&Job, &Idle>, forgotten: u64, held: (u64, u64)) {
         let mut content = locked(&self.content);
+        content.full |= job.is_err_and(|idle| idle.full);
         let stats = &mut content.stats;
         stats.forgotten += forgotten;
         (stats.in_flight, stats.held) = held;
-        if let Some(job) = job {
+        if let Ok(job) = job {
             stats.requests += 1;
             stats.retries += u64::from(job.retry);
             stats.coalesced += job.wants.len() as u64 - 1;
+            // There may be work for another. One that looked since the last signal and found none goes on waiting.
+            if content.idle > 0 {
+                self.bell.notify_one();
+            }
         }
     }
 

@@ -123,6 +123,9 @@ pub struct Fetcher<T> {
     threads: Vec<JoinHandle<()>>,
     /// Changes places with the list on the desk.
     spare: Vec<Want>,
+    latest: Vec<Want>,
+    /// Since the latest list.
+    took: bool,
 }
 
 impl<T> fmt::Debug for Fetcher<T> {
@@ -156,7 +159,7 @@ impl<T: Send + 'static> Fetcher<T> {
         let name = access.name().to_owned();
         let decode: Box<Decode<T>> = Box::new(decode);
         let shared = Arc::new(Shared::new(access, options, decode));
-        let mut fetcher = Fetcher { shared, threads: Vec::new(), spare: Vec::new() };
+        let mut fetcher = Fetcher { shared, threads: Vec::new(), spare: Vec::new(), latest: Vec::new(), took: false };
         for number in 0..options.threads.max(1) {
             let shared = Arc::clone(&fetcher.shared);
             let thread = thread::Builder::new().name(format!("surfel-fetch-{number}")).spawn(move || shared.work());
@@ -169,8 +172,14 @@ impl<T: Send + 'static> Fetcher<T> {
     /// Replaces the list of all that is wanted; what was not begun and is not in it is forgotten. What is in flight, or has come
     /// and was not taken when the list was made, may be in it and is not fetched twice.
     ///
-    /// Costs a copy of the list.
+    /// Costs a copy of the list; nothing where it is what it was and nothing was taken since.
     pub fn want(&mut self, wanted: &[Want]) {
+        if !self.took && self.latest == wanted {
+            return;
+        }
+        self.took = false;
+        self.latest.clear();
+        self.latest.extend_from_slice(wanted);
         self.spare.clear();
         self.spare.extend_from_slice(wanted);
         self.shared.desk.publish(&mut self.spare);
@@ -179,7 +188,9 @@ impl<T: Send + 'static> Fetcher<T> {
     /// What has come since the last call, in the order in which it came: patches, and errors of those that were given up.
     /// Empty when there is nothing.
     pub fn take(&mut self) -> Vec<(u32, Result<T>)> {
-        self.shared.desk.take()
+        let taken = self.shared.desk.take();
+        self.took |= !taken.is_empty();
+        taken
     }
 
     /// What was done so far.

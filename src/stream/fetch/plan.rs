@@ -21,6 +21,15 @@ pub(super) struct Job {
     pub retry: bool,
 }
 
+/// Why no request may be begun.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Idle {
+    /// When to look again unless something happens before.
+    pub until: Option<Instant>,
+    /// Whether there would be one if less waited to be taken.
+    pub full: bool,
+}
+
 /// What went wrong with a key so far.
 #[derive(Debug, Default)]
 struct Failure {
@@ -125,25 +134,25 @@ impl Plan {
         beyond
     }
 
-    /// The next request, if one may be begun while `waiting` bytes are not taken; else when to look again unless something
-    /// happens before.
-    pub(super) fn next(&mut self, waiting: u64, now: Instant) -> Result<Job, Option<Instant>> {
+    /// The next request, if one may be begun while `waiting` bytes are not taken.
+    pub(super) fn next(&mut self, waiting: u64, now: Instant) -> Result<Job, Idle> {
+        let cooled = Idle { until: self.cooled, full: false };
         match self.pause {
-            Some(pause) if pause > now => return Err(Some(pause)),
+            Some(pause) if pause > now => return Err(Idle { until: Some(pause), full: false }),
             // Until one request succeeds, there is one at a time.
-            Some(_) if !self.in_flight.is_empty() => return Err(self.cooled),
+            Some(_) if !self.in_flight.is_empty() => return Err(cooled),
             _ => {}
         }
         while self.order.last().is_some_and(|n| self.items[*n].begun) {
             self.order.pop();
         }
-        let Some(&first) = self.order.last() else { return Err(self.cooled) };
+        let Some(&first) = self.order.last() else { return Err(cooled) };
         let first = if self.pause.is_some() { self.probe().unwrap_or(first) } else { first };
         let held = self.bytes_in_flight + waiting;
         let free = self.options.in_flight.saturating_sub(held);
         let bytes = u64::from(self.items[first].want.bytes);
         if bytes > free && held > 0 {
-            return Err(self.cooled);
+            return Err(Idle { full: true, ..cooled });
         }
         let (low, high, end) = self.joined(first, free);
         let (at, retry) = (self.items[low].want.at, self.items[first].failures > 0);

@@ -54,10 +54,10 @@ impl<T> Shared<T> {
                     plan.make(&news.came, now).iter().for_each(|want| self.give_up(want));
                 }
                 let next = plan.next(news.waiting, now);
-                self.desk.begin(next.as_ref().ok(), forgotten, plan.held());
+                self.desk.begin(next.as_ref(), forgotten, plan.held());
                 match next {
                     Ok(job) => return Some(job),
-                    Err(wake) => (news.signal, wake),
+                    Err(idle) => (news.signal, idle.until),
                 }
             };
             self.desk.wait(signal, wake);
