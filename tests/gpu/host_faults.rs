@@ -4,10 +4,12 @@
 
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 use glam::DMat4;
 use surfel::ash::{self, vk};
 use surfel::select::DepthConvention;
+use surfel::structure::layered::Streaming;
 use surfel::style::Style;
 use surfel::technique::Technique;
 use surfel::{CloudId, Error, Host, Instance, Renderer};
@@ -16,6 +18,7 @@ use crate::host_engine::{Engine, Ledger, OwnMemory};
 use crate::host_scene::{Lens, camera, sphere};
 use crate::host_table;
 use crate::host_target::{Depth, Frame, Kind, PLAIN, Target};
+use crate::layered::{Model, PATIENCE};
 
 const SMALL: Kind = Kind { size: [16, 12], extent: [16, 12], depth: Depth::Lent, geometry: true, ..PLAIN };
 const LARGER: Kind = Kind { size: [20, 12], extent: [20, 12], ..SMALL };
@@ -31,37 +34,49 @@ fn twice<T>(failures: &mut Vec<Error>, mut call: impl FnMut() -> surfel::Result<
     }
 }
 
-/// A life of a renderer: made, two clouds, a frame, a frame of another size with everything else that allocates.
-fn life(engine: &Engine, host: impl Fn() -> Host) -> (Vec<Vec<[f32; 4]>>, Vec<Error>) {
+/// A life of a renderer: made, two clouds, a frame, and frames of another size with everything else that allocates, and with a cloud that
+/// streams until all of it is there.
+fn life(engine: &Engine, model: &Model, host: impl Fn() -> Host) -> (Vec<Vec<[f32; 4]>>, Vec<Error>) {
     let mut failures = Vec::new();
     let targets = [SMALL, LARGER].map(|kind| Target::new(engine, kind));
     // SAFETY: the handles belong together and outlive the renderer.
     let mut renderer = twice(&mut failures, || unsafe { Renderer::new(host(), targets[0].formats()) });
     let clouds = [60, 40].map(|n| twice(&mut failures, || renderer.add(sphere(n))));
-    let style = Style::default();
+    let streamed = twice(&mut failures, || renderer.add(model.streamed(Streaming::STILL)));
+    let style = Style { threshold: 0.25, ..Style::default() };
     // The blend with the fewest shaders to compile; what it allocates is what all do.
     let techniques = ["flat.opaque.point", "flat.opaque.quad"].map(|n| Technique::named(n).expect("a preset"));
     let cmd = engine.command_buffer();
     let mut pictures = Vec::new();
     for (target, technique) in targets.iter().zip(techniques) {
         let view = camera(0, Lens::Straight, DepthConvention::Reversed, 4.0 / 3.0);
-        let instances = clouds.map(|cloud| Instance { cloud, transform: DMat4::IDENTITY });
-        let id = engine.completed() + 1;
-        engine.begin(cmd);
-        let frame = Frame { id, views: &[view], instances: &instances, technique, style: &style };
-        twice(&mut failures, || {
-            let recorded = target.try_record(engine, cmd, &mut renderer, &frame);
-            if recorded.is_err() {
-                // What an engine does with a frame that it gives up: nothing of it is submitted.
-                // SAFETY: not pending.
-                unsafe { engine.device.reset_command_buffer(cmd, Default::default()) }.expect("reset");
-                engine.begin(cmd);
+        // The streamed one comes with the second size.
+        let (all, start) = ([clouds[0], clouds[1], streamed], Instant::now());
+        let instances = all.map(|cloud| Instance { cloud, transform: DMat4::IDENTITY });
+        let instances = &instances[..2 + pictures.len()];
+        loop {
+            let id = engine.completed() + 1;
+            engine.begin(cmd);
+            let frame = Frame { id, views: &[view], instances, technique, style: &style };
+            twice(&mut failures, || {
+                let recorded = target.try_record(engine, cmd, &mut renderer, &frame);
+                if recorded.is_err() {
+                    // What an engine does with a frame that it gives up: nothing of it is submitted.
+                    // SAFETY: not pending.
+                    unsafe { engine.device.reset_command_buffer(cmd, Default::default()) }.expect("reset");
+                    engine.begin(cmd);
+                }
+                recorded
+            });
+            engine.submit(cmd, id);
+            engine.wait(id);
+            let layered = renderer.retire(id).expect("statistics").remove(0).layered;
+            if layered.iter().all(|l| l.cut.missing == 0) {
+                assert!(layered.iter().all(|l| l.cut.drawn > 1), "more than the root");
+                break;
             }
-            recorded
-        });
-        engine.submit(cmd, id);
-        engine.wait(id);
-        renderer.retire(id).expect("statistics");
+            assert!(start.elapsed() < PATIENCE, "patches do not come: {layered:?}");
+        }
         pictures.push(target.picture(0));
     }
     // SAFETY: all frames are complete.
@@ -83,14 +98,15 @@ fn ledger_memory(engine: &Engine, ledger: &Arc<Mutex<Ledger>>) -> Box<OwnMemory>
 
 #[test]
 fn the_nth_allocation_fails_and_is_repeated() {
+    let model = Model::new("nth-allocation", "torus", 2000);
     Engine::with_plain_shaders(|engine| {
-        let (wanted, none) = life(engine, || engine.host());
+        let (wanted, none) = life(engine, &model, || engine.host());
         assert!(none.is_empty() && wanted[0].iter().any(|p| *p != wanted[0][0]));
         let mut reached = 0;
         for n in 1.. {
             let ledger = Arc::new(Mutex::new(Ledger { fail_at: Some(n), ..Ledger::default() }));
             let (pictures, failures) =
-                life(engine, || engine.host_with(engine.device.clone(), ledger_memory(engine, &ledger)));
+                life(engine, &model, || engine.host_with(engine.device.clone(), ledger_memory(engine, &ledger)));
             let postponed = failures.is_empty() && ledger.lock().unwrap().calls >= n;
             check(&pictures, &wanted, postponed, &format!("allocation {n}: {failures:?}"));
             assert_eq!(ledger.lock().unwrap().live, 0, "allocation {n}");
@@ -108,15 +124,16 @@ fn the_nth_allocation_fails_and_is_repeated() {
 
 #[test]
 fn the_nth_creating_call_fails_and_is_repeated() {
+    let model = Model::new("nth-call", "torus", 2000);
     Engine::with_plain_shaders(|engine| {
         let device = host_table::wrapped_device(engine);
         let host = || engine.host_with(device.clone(), Box::new(engine.memory()));
         host_table::fail_at(0);
-        let (wanted, _) = life(engine, host);
+        let (wanted, _) = life(engine, &model, host);
         let mut seen = std::collections::BTreeMap::new();
         for n in 1.. {
             host_table::fail_at(n);
-            let (pictures, failures) = life(engine, host);
+            let (pictures, failures) = life(engine, &model, host);
             let Some(call) = host_table::failed() else { break };
             *seen.entry(call).or_insert(0) += 1;
             check(&pictures, &wanted, failures.is_empty(), &format!("call {n}, {call}: {failures:?}"));

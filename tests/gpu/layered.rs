@@ -25,9 +25,9 @@ use crate::host_target::{Depth, Frame, Kind, PLAIN, Target};
 use crate::vulkan;
 
 /// Longer than any machine takes to read a file of a few hundred KiB: without it a fault here would have no end.
-const PATIENCE: Duration = Duration::from_secs(60);
+pub const PATIENCE: Duration = Duration::from_secs(60);
 
-struct Model {
+pub struct Model {
     folder: Folder,
     index: Arc<Index>,
     access: Arc<dyn Access>,
@@ -35,7 +35,7 @@ struct Model {
 
 impl Model {
     /// A torus in colours of its own, or another scene in such, in patches of 256.
-    fn new(test: &str, scene: &str, points: usize) -> Model {
+    pub fn new(test: &str, scene: &str, points: usize) -> Model {
         let mut cloud = synthetic::scene(scene, points, 1).expect("a scene");
         let normals = cloud.normals.as_ref().expect("normals");
         cloud.colors = Some(normals.iter().map(|n| n.to_array().map(|v| (127.5 + 127.0 * v) as u8)).collect());
@@ -52,7 +52,7 @@ impl Model {
         Model { folder, index: Arc::new(built.index), access: Arc::new(access) }
     }
 
-    fn streamed(&self, streaming: Streaming) -> Cloud {
+    pub fn streamed(&self, streaming: Streaming) -> Cloud {
         Layered::new(Arc::clone(&self.index), Arc::clone(&self.access), streaming).into()
     }
 
