@@ -2,12 +2,12 @@
 //! where.
 
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Read, Write};
+use std::io::{BufReader, BufWriter, ErrorKind, Read, Write};
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::{Flat, flat};
+use super::{Flat, Packing, flat};
 use crate::error::{Error, Place, Result};
 
 /// FNV-1a, 64 bits: any altered byte alters it, since every step is reversible.
@@ -89,8 +89,13 @@ pub(super) struct Output<'a, W> {
 }
 
 impl<'a, W: Write> Output<'a, W> {
-    pub fn new(to: &'a mut W) -> Self {
-        Output { to, hash: Fnv::NEW }
+    /// Of a structure as it was built. One whose points were packed since is refused: it is not what would be compared with a cloud.
+    pub fn new(to: &'a mut W, points: &Flat) -> std::io::Result<Self> {
+        if points.packing() != Packing::Full {
+            let why = "a structure that is packed: pack what was loaded instead";
+            return Err(std::io::Error::new(ErrorKind::InvalidInput, why));
+        }
+        Ok(Output { to, hash: Fnv::NEW })
     }
 
     pub fn add<T: bytemuck::NoUninit>(&mut self, items: &[T]) -> std::io::Result<()> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use surfel::Error;
 use surfel::structure::nodes::ErrorRule;
 use surfel::structure::sequential::Options;
-use surfel::structure::{Flat, Sequential};
+use surfel::structure::{Flat, Packing, Sequential};
 
 use crate::folder::Folder;
 use crate::groups::soup;
@@ -96,5 +96,11 @@ fn files_are_whole_or_not_there() {
     assert_eq!(beside, 1, "nothing is left beside");
     let nowhere = PathBuf::from(folder.path("none")).join("a.tree");
     assert!(matches!(tree.save(&nowhere), Err(Error::Io { .. })));
+    // What is packed is not what was made: the file stays.
+    for packing in [Packing::Exact, Packing::Quantised] {
+        let refused = tree.clone().packed(packing).save(&path).expect_err("packed").to_string();
+        assert!(refused.contains("a.tree") && refused.contains("packed"), "{refused}");
+        assert_eq!(std::fs::read(&path).expect("as before"), bytes(&tree));
+    }
     assert!(matches!(Sequential::load(&nowhere), Err(Error::Io { .. })));
 }

@@ -1,6 +1,6 @@
 //! Octrees in a file, so that they are made once. The layout is in docs/FORMAT.md.
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::{Read, Write};
 use std::path::Path;
 
 use glam::Vec3;
@@ -10,7 +10,7 @@ use crate::error::{Error, Place, Result};
 use crate::structure::file::{Header, Input, Output, flags, load, save};
 use crate::structure::morton::LEVELS;
 use crate::structure::nodes::NONE;
-use crate::structure::{Flat, Packing};
+use crate::structure::Flat;
 
 const MAGIC: &[u8; 8] = b"surfelOC";
 const VERSION: u32 = 1;
@@ -61,10 +61,7 @@ impl Octree {
 
     /// Writes it, as built: what is packed is refused, since it is not what [`is_of`](Self::is_of) would compare.
     pub fn write(&self, to: &mut impl Write) -> std::io::Result<()> {
-        if self.flat.packing() != Packing::Full {
-            return Err(std::io::Error::new(ErrorKind::InvalidInput, "a packed octree: pack what was loaded instead"));
-        }
-        let mut out = Output::new(to);
+        let mut out = Output::new(to, &self.flat)?;
         out.header(MAGIC, &self.header())?;
         for cell in &self.cells {
             out.add(&cell.words())?;

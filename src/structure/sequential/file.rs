@@ -52,9 +52,9 @@ impl Sequential {
         Header { words, origin: self.flat.origin, cloud: self.cloud }
     }
 
-    /// Writes it.
+    /// Writes it, as built: what is packed is refused, since it is not what [`is_of`](Self::is_of) would compare.
     pub fn write(&self, to: &mut impl Write) -> std::io::Result<()> {
-        let mut out = Output::new(to);
+        let mut out = Output::new(to, &self.flat)?;
         out.header(MAGIC, &self.header())?;
         for list in &self.lists {
             out.add(&list.words())?;
