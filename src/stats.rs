@@ -71,7 +71,7 @@ pub struct LayeredStats {
     pub occlusion_idle: bool,
     /// Patches asked for.
     pub wished: u32,
-    /// Patches taken in, to be drawn from the next frame on.
+    /// Patches taken in, and there from this frame on.
     pub arrived: u32,
     /// Patches that came and found no place.
     pub refused: u32,

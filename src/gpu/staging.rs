@@ -129,3 +129,60 @@ impl Pool {
         self.buffer
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+    use std::thread;
+    use std::time::Duration;
+
+    use super::*;
+
+    /// Longer than any thread takes to be woken.
+    const LONG: Duration = Duration::from_secs(60);
+
+    fn pieces(bytes: &mut [u8], size: u64) -> Arc<Pieces> {
+        let count = (bytes.len() as u64 / size) as u32;
+        let state = Mutex::new(State { free: (0..count).rev().collect(), closed: false });
+        Arc::new(Pieces { base: NonNull::from(bytes).cast(), size, state, freed: Condvar::new() })
+    }
+
+    #[test]
+    fn pieces_are_apart_and_waited_for() {
+        let mut bytes = [0u8; 48];
+        let pieces = pieces(&mut bytes, 16);
+        let mut all: Vec<Piece> = (0..3).map(|_| pieces.take().expect("a piece")).collect();
+        all.iter_mut().zip(1..).for_each(|(piece, value)| piece.bytes().fill(value));
+        assert_eq!(all.iter().map(Piece::offset).collect::<Vec<_>>(), [0, 16, 32]);
+        let (tell, told) = mpsc::channel();
+        let waiting = Arc::clone(&pieces);
+        let other = thread::spawn(move || {
+            for _ in 0..2 {
+                tell.send(waiting.take().map(|piece| piece.offset())).expect("someone listens");
+            }
+        });
+        assert!(told.try_recv().is_err(), "there is none");
+        drop(all.remove(1));
+        assert_eq!(told.recv_timeout(LONG), Ok(Some(16)));
+        // That one was dropped again, and is taken again.
+        assert_eq!(told.recv_timeout(LONG), Ok(Some(16)));
+        other.join().expect("no panic");
+        drop(all);
+        assert_eq!(bytes.map(|b| b as u64), std::array::from_fn(|i| i as u64 / 16 + 1));
+    }
+
+    #[test]
+    fn who_waits_when_it_closes_gets_none() {
+        let mut bytes = [0u8; 16];
+        let pieces = pieces(&mut bytes, 16);
+        let held = pieces.take().expect("a piece");
+        let (tell, told) = mpsc::channel();
+        let waiting = Arc::clone(&pieces);
+        let other = thread::spawn(move || tell.send(waiting.take().is_none()).expect("someone listens"));
+        drop(Open(Arc::clone(&pieces)));
+        assert_eq!(told.recv_timeout(LONG), Ok(true));
+        other.join().expect("no panic");
+        drop(held);
+        assert!(pieces.take().is_none(), "closed for good");
+    }
+}

@@ -166,10 +166,14 @@ fn nothing_is_fetched_twice_unless_it_is_wanted_again() {
     fetcher.want(&[list[1]]);
     assert_eq!(taken(&mut fetcher, 1)[0].0, 1);
     assert_eq!(access.reads().len(), 5);
+    // By the very list that has just been made.
+    fetcher.want(&[list[1]]);
+    assert_eq!(taken(&mut fetcher, 1)[0].0, 1);
+    assert_eq!(access.reads().len(), 6);
     // The same key twice in a list is one patch.
     fetcher.want(&[list[2], list[2]]);
     assert_eq!(taken(&mut fetcher, 1)[0].0, 2);
-    assert_eq!(settled(&fetcher, 6).requests, 6);
+    assert_eq!(settled(&fetcher, 7).requests, 7);
 }
 
 #[test]

@@ -7,10 +7,10 @@ use glam::Vec3;
 
 use super::{Block, Cell, Octree, Options, Preset, Run};
 use crate::error::{Error, Place, Result};
+use crate::structure::Flat;
 use crate::structure::file::{Header, Input, Output, flags, load, save};
 use crate::structure::morton::LEVELS;
 use crate::structure::nodes::NONE;
-use crate::structure::Flat;
 
 const MAGIC: &[u8; 8] = b"surfelOC";
 const VERSION: u32 = 1;
