@@ -9,7 +9,7 @@ layout(set = 2, binding = 7, std430) readonly buffer Slots { uint slots[]; };
 // Two a step: plane, its axis, the steps on either side; radius, limit of ranks, what ranks differ by, whether that radius counts.
 layout(set = 2, binding = 7, std430) readonly buffer Steps { uvec4 steps[]; };
 
-// Whether sample i of the chunk is shown; its radius becomes that of the deepest step that has its place.
+// Whether sample i of the chunk is shown; its radius becomes at least that of the deepest step that has its place.
 bool in_layers(uint i, inout vec4 geometry) {
     uint at = slots[run.table + (i >> params.slot_shift)];
     uvec4 own = steps[at + 1u];
@@ -26,9 +26,9 @@ bool in_layers(uint i, inout vec4 geometry) {
         cut = steps[at];
     }
     uvec4 deepest = steps[at + 1u];
-    // Of a leaf that is there in full, samples have their own.
+    // Of a leaf that is there in full, samples have their own; before, those that lie alone are no smaller than they will be.
     if (deepest.w != 0u) {
-        geometry.w = uintBitsToFloat(deepest.x);
+        geometry.w = max(geometry.w, uintBitsToFloat(deepest.x));
     }
     return true;
 }

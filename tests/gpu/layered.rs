@@ -34,12 +34,13 @@ pub struct Model {
 }
 
 impl Model {
-    /// A torus in colours of its own, or another scene in such, in patches of 256.
+    /// A torus in colours of its own, or another scene in such, in patches of 256. Some samples are as large as if they lay alone.
     pub fn new(test: &str, scene: &str, points: usize) -> Model {
         let mut cloud = synthetic::scene(scene, points, 1).expect("a scene");
         let normals = cloud.normals.as_ref().expect("normals");
         cloud.colors = Some(normals.iter().map(|n| n.to_array().map(|v| (127.5 + 127.0 * v) as u8)).collect());
         cloud.closed = false;
+        cloud.radii.as_mut().expect("radii").iter_mut().step_by(97).for_each(|r| *r *= 6.0);
         Model::of(test, cloud)
     }
 

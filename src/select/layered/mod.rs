@@ -14,7 +14,8 @@
 //! Nothing is remembered from one frame to the next but the cache and the measured times: with every patch there, the picture is a
 //! function of the view.
 //!
-//! **Radii.** A drawn sample's radius is that of the deepest node containing its place that the cut has, [`Cut::radius_of`]:
+//! **Radii.** A drawn sample's radius is that of the deepest node containing its place that the cut has, [`Cut::radius_of`], or its
+//! own where that is larger, and its own in a leaf that is there in full. The deepest node is found
 //! from the sample's own node down, to the child on the sample's side of the plane, as long as the cut has that child. The cut
 //! also has nodes that are not drawn but refined all the same: what lies outside the frustum, one level of it, and what faces
 //! away. Their ancestors' samples keep the radius that they have when those nodes come into sight, so that nothing changes its

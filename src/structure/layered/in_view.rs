@@ -123,7 +123,7 @@ fn gather(index: &Index, cut: &Cut, patches: &HashMap<u32, Patch>) -> Flat {
         flat.geometry.extend(patch.positions.iter().zip(&patch.radii).map(|(p, own)| {
             let deepest = cut.deepest(at, *p);
             let finished = index.nodes[deepest.node as usize].split > 2;
-            [p[0], p[1], p[2], if finished { *own } else { deepest.radius }]
+            [p[0], p[1], p[2], if finished { *own } else { own.max(deepest.radius) }]
         }));
         flat.normals.iter_mut().for_each(|all| all.extend(patch.normals.iter().flatten()));
         flat.colors.iter_mut().for_each(|all| all.extend(patch.colors.iter().flatten()));
