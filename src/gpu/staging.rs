@@ -68,9 +68,9 @@ impl Piece {
         u64::from(self.index) * self.of.size
     }
 
-    /// Its bytes. The pool has not been closed, and no frame copies from it yet.
+    /// Its bytes. The pool's buffer has not been destroyed, and no frame copies from it yet.
     pub fn bytes(&mut self) -> &mut [u8] {
-        // SAFETY: within the mapping, which lives until the pool is closed (a precondition); no two pieces have the same
+        // SAFETY: within the mapping, which lives as long as the buffer (a precondition); no two pieces have the same
         // index at a time, and `self` is borrowed as long as the slice.
         unsafe {
             let start = self.of.base.add(self.offset() as usize);

@@ -9,7 +9,7 @@
 //!    there is time for ([`TimeBudget`]).
 //! 3. [`refine`] for each view and instance, with [`Cache::presence`]; then [`Cache::mark`] each [`Cut`].
 //! 4. [`wishes`] of all cuts in order; of those the first [`affordable`] are fetched, the rest forgotten.
-//! 5. [`Cache::insert`] gives what has arrived a slot.
+//! 5. [`Cache::insert`] gives what has arrived a slot: here, or between 1 and 3, so that this very frame draws it.
 //!
 //! Nothing is remembered from one frame to the next but the cache and the measured times: with every patch there, the picture is a
 //! function of the view.
