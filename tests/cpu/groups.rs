@@ -142,6 +142,16 @@ fn every_uniform_cut_is_free_of_overlap() {
             (0..cut.len()).map(|a| (0..a).filter(|&b| near(&cut[a], &cut[b])).count() as u64).sum::<u64>()
         };
         assert_eq!((naive(1.0), groups.overlaps(&flat, &cut, 1.0).expect("a count")), (0, 0), "level {l}");
+        let one = Groups { of: vec![0; 600], ..groups.clone() };
+        for factor in [0.3f32, 0.7, 1.0] {
+            let near = |&(i, _): &(u32, f32), &(j, _): &(u32, f32)| {
+                let [p, q] = [i, j].map(|k| flat.geometry[k as usize]);
+                let d = DVec3::from([0, 1, 2].map(|a| q[a] as f64 - p[a] as f64));
+                d.length_squared() < (2.0 * factor as f64 * r as f64).powi(2)
+            };
+            let pairs = (0..cut.len()).map(|a| (0..a).filter(|&b| near(&cut[a], &cut[b])).count() as u64).sum::<u64>();
+            assert_eq!(one.overlaps(&flat, &cut, factor).expect("a count"), pairs, "level {l}, c = {factor}");
+        }
     }
     // Coarse points with fine ones, all as wide as the coarse: a mixed cut overlaps, and is counted.
     let mixed: Vec<(u32, f32)> = (0..600).map(|i| (i, 0.4)).collect();

@@ -13,9 +13,11 @@ pub struct Coloring {
 }
 
 impl Coloring {
-    /// Nothing is coloured. `limit` is 1 to 256.
-    pub fn new(points: usize, limit: u32) -> Coloring {
-        Coloring { of: vec![NONE; points], limit: limit as u16, conflicts: 0 }
+    /// Nothing is coloured but the first points, which have their colours. `limit` is 1 to 256.
+    pub fn new(known: &[u8], points: usize, limit: u32) -> Coloring {
+        let mut of: Vec<u16> = known.iter().map(|color| u16::from(*color)).collect();
+        of.resize(points, NONE);
+        Coloring { of, limit: limit as u16, conflicts: 0 }
     }
 
     /// Colours those splats that `is_new`; the others keep theirs.

@@ -37,6 +37,8 @@ pub struct Splats {
     index: Vec<u32>,
     keys: Vec<u64>,
     classes: Vec<Class>,
+    /// c, which cells are as wide as.
+    factor: f64,
 }
 
 /// Splats of similar radii: a run of ranks.
@@ -110,6 +112,7 @@ impl Splats {
             index: keyed.iter().map(|&(_, _, i)| i).collect(),
             keys: keyed.iter().map(|&(key, _, _)| key).collect(),
             classes,
+            factor,
         }
     }
 
@@ -142,11 +145,11 @@ impl Splats {
         apart > p[3].min(q[3]) as f64 / 16.0
     }
 
-    /// Calls `pair` for every two splats of ranks in `block` and elsewhere that are nearer than `factor` times the sum of
+    /// Calls `pair` for every two splats of ranks in `block` and elsewhere that are nearer than c times the sum of
     /// their radii: once in all blocks together, until it returns false. Returns for how many of the block there were too
     /// many to look at.
-    fn pairs(&self, block: std::ops::Range<usize>, factor: f32, mut pair: impl FnMut(u32, u32) -> bool) -> u64 {
-        let factor = factor as f64;
+    fn pairs(&self, block: std::ops::Range<usize>, mut pair: impl FnMut(u32, u32) -> bool) -> u64 {
+        let factor = self.factor;
         let mut truncated = 0;
         // Where the runs began for the splat before, by class and row.
         let mut hints: Vec<[usize; 9]> = self.classes.iter().map(|class| [class.first; 9]).collect();
@@ -209,12 +212,12 @@ fn seek(keys: &[u64], hint: usize, first: usize, wanted: u64) -> usize {
     low + keys[low..high].partition_point(|k| *k < wanted)
 }
 
-/// Whether there is a pair nearer than `factor` times the sum of radii that `is`.
-pub fn any_pair(splats: &Splats, factor: f32, is: impl Fn(u32, u32) -> bool + Sync + Send) -> bool {
+/// Whether there is a pair nearer than c times the sum of radii that `is`.
+pub fn any_pair(splats: &Splats, is: impl Fn(u32, u32) -> bool + Sync + Send) -> bool {
     let found = AtomicBool::new(false);
     par::map(&splats.blocks(), |block| {
         if !found.load(Ordering::Relaxed) {
-            splats.pairs(block.clone(), factor, |a, b| {
+            splats.pairs(block.clone(), |a, b| {
                 if is(a, b) {
                     found.store(true, Ordering::Relaxed);
                 }
@@ -234,11 +237,11 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// With an edge for every pair nearer than `factor` times the sum of radii that `counts`.
-    pub fn new(splats: &Splats, factor: f32, counts: impl Fn(u32, u32) -> bool + Sync + Send) -> Graph {
+    /// With an edge for every pair nearer than c times the sum of radii that `counts`.
+    pub fn new(splats: &Splats, counts: impl Fn(u32, u32) -> bool + Sync + Send) -> Graph {
         let found = par::map(&splats.blocks(), |block| {
             let mut edges = Vec::new();
-            let truncated = splats.pairs(block.clone(), factor, |a, b| {
+            let truncated = splats.pairs(block.clone(), |a, b| {
                 edges.extend(counts(a, b).then_some((a, b)));
                 true
             });

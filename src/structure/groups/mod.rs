@@ -46,7 +46,7 @@ impl Relax {
     /// No relaxation: no two splats of a group overlap.
     pub const NONE: Relax = Relax { factor: 1.0, coplanar: false, opposing: false, limit: 256 };
 
-    fn check(&self) -> Result<()> {
+    pub(super) fn check(&self) -> Result<()> {
         if !(0.0..=1.0).contains(&self.factor) {
             return Err(Error::Unsupported(format!("groups with c = {}: from 0 to 1", self.factor)));
         }
@@ -98,15 +98,15 @@ impl Groups {
         let splats = Splats::new(flat, relax, |i| flat.point(i as u32)[3], |_| true);
         let conflict =
             |a, b| together(splats.index(a) as usize, splats.index(b) as usize) && splats.conflict(a, b, relax);
-        let graph = Graph::new(&splats, relax.factor, conflict);
-        let mut coloring = color::Coloring::new(flat.len(), relax.limit);
+        let graph = Graph::new(&splats, conflict);
+        let mut coloring = color::Coloring::new(&[], flat.len(), relax.limit);
         coloring.color(&splats, &graph, |_| true);
         let truncated = graph.truncated;
         let overlapping = truncated > 0
             || coloring.conflicts > 0
             || (relax.relaxes() && {
                 let all = Splats::new(flat, &Relax::NONE, |i| flat.point(i as u32)[3], |_| true);
-                graph::any_pair(&all, 1.0, |a, b| coloring.of(all.index(a)) == coloring.of(all.index(b)))
+                graph::any_pair(&all, |a, b| coloring.of(all.index(a)) == coloring.of(all.index(b)))
             });
         let edges = graph.edges() as f64;
         Ok(Groups {
@@ -138,12 +138,29 @@ impl Groups {
         if !falling {
             return Err(Error::Unsupported("radii of levels: finite, more than 0, never growing".into()));
         }
-        let mut coloring = color::Coloring::new(flat.len(), relax.limit);
+        let steps = (0..=u8::MAX).take(radius.len());
+        Ok(Groups::by_level(flat, level, steps, relax, &[], |l| vec![radius[l as usize]; flat.len()]))
+    }
+
+    /// Level by level, beside points that have their groups: the first, `known`. The points of a level get theirs in its step, where
+    /// all points up to that level are, each with the radius that `radii` has for that step.
+    ///
+    /// `relax` was checked, and every list has an entry a point.
+    pub(super) fn by_level(
+        flat: &Flat,
+        level: &[u8],
+        steps: impl Iterator<Item = u8>,
+        relax: &Relax,
+        known: &[u8],
+        mut radii: impl FnMut(u8) -> Vec<f32>,
+    ) -> Groups {
+        let mut coloring = color::Coloring::new(known, flat.len(), relax.limit);
         let mut groups = Groups::default();
-        for (l, &r) in radius.iter().enumerate() {
-            let splats = Splats::new(flat, relax, |_| r, |i| level[i] as usize <= l);
-            let graph = Graph::new(&splats, relax.factor, |a, b| splats.conflict(a, b, relax));
-            coloring.color(&splats, &graph, |i| level[i] as usize == l);
+        for l in steps {
+            let radii = radii(l);
+            let splats = Splats::new(flat, relax, |i| radii[i], |i| level[i] <= l);
+            let graph = Graph::new(&splats, |a, b| splats.conflict(a, b, relax));
+            coloring.color(&splats, &graph, |i| i >= known.len() && level[i] == l);
             groups.truncated += graph.truncated;
             groups.max_degree = graph.max_degree();
             groups.mean_degree = 2.0 * graph.edges() as f64 / splats.len().max(1) as f64;
@@ -152,7 +169,7 @@ impl Groups {
         groups.overlapping = groups.truncated > 0 || groups.conflicts > 0 || relax.relaxes();
         groups.count = coloring.count();
         groups.of = coloring.finish();
-        Ok(groups)
+        groups
     }
 
     /// Pairs of these points, each with a radius \[world units\], that share a group although |p_i − p_j| < c (r_i + r_j):
@@ -161,14 +178,15 @@ impl Groups {
     /// # Errors
     /// [`Error::Unsupported`] for a factor outside 0 to 1, and where `cut` names a point that is not there.
     pub fn overlaps(&self, flat: &Flat, cut: &[(u32, f32)], factor: f32) -> Result<u64> {
-        Relax { factor, ..Relax::NONE }.check()?;
+        let relax = Relax { factor, ..Relax::NONE };
+        relax.check()?;
         if let Some((i, _)) = cut.iter().find(|(i, _)| *i as usize >= flat.len().min(self.of.len())) {
             return Err(Error::Unsupported(format!("a cut with point {i}: there are {}", flat.len())));
         }
         let mut of = vec![f32::NAN; flat.len()];
         cut.iter().for_each(|&(i, r)| of[i as usize] = r);
-        let splats = Splats::new(flat, &Relax::NONE, |i| of[i], |i| !of[i].is_nan());
+        let splats = Splats::new(flat, &relax, |i| of[i], |i| !of[i].is_nan());
         let same = |a: u32, b: u32| self.of[splats.index(a) as usize] == self.of[splats.index(b) as usize];
-        Ok(Graph::new(&splats, factor, same).edges())
+        Ok(Graph::new(&splats, same).edges())
     }
 }
