@@ -85,6 +85,15 @@ fn footprint_margin(style: &Style) -> f64 {
     .max(1.0)
 }
 
+/// What makes depth of what a blend has drawn, for those that have none that tests could use.
+fn front_depth(plan: &FramePlan, host_depth: bool) -> Option<Before> {
+    match plan.blend {
+        Blend::TwoPass | Blend::Opaque => None,
+        Blend::Fuzzy => Some(Before::FrontDepth),
+        Blend::Groups => Some(Before::LayersDepth { host_depth }),
+    }
+}
+
 /// Tells models what a frame's tests have found, and the statistics. Returns the number of points that were not drawn.
 fn learn(
     clouds: &mut BTreeMap<CloudId, DeviceCloud>,
@@ -113,6 +122,8 @@ struct Current {
     plan: FramePlan,
     /// What comes before the splats, or folds their layers.
     before: Option<Before>,
+    /// What makes depth of the splats for what is tested against it, for blends that have it elsewhere.
+    front_depth: Option<Before>,
     resolve: resolve::Variant,
     area: vk::Rect2D,
     clouds: Vec<CloudId>,
@@ -289,7 +300,10 @@ impl Renderer {
             });
         }
         let before = self.before(input, &plan);
-        stats.pipelines_built = self.ensure_pipelines(input, &plan, &views, before)?;
+        let front_depth = front_depth(&plan, input.host_depth.is_some());
+        let tested = views.iter().flatten().any(|d| !d.tests.is_empty());
+        let full_screen = before.into_iter().chain(front_depth.filter(|_| tested));
+        stats.pipelines_built = self.ensure_pipelines(input, &plan, &views, full_screen)?;
         self.ensure_indices(plan.quads || any_large)?;
 
         // Nothing fails from here on.
@@ -341,6 +355,7 @@ impl Renderer {
             slot,
             plan,
             before,
+            front_depth,
             resolve,
             area: vk::Rect2D { offset: input.offset, extent: input.extent },
             clouds,
@@ -380,18 +395,21 @@ impl Renderer {
             let seed = current
                 .before
                 .map(|before| move |cmd| composite.draw_before(context, cmd, before, set, layer as u32, folded));
+            let front_depth = |cmd| {
+                let before = current.front_depth.expect("planned for blends that need it");
+                composite.draw_before(context, cmd, before, set, layer as u32, folded)
+            };
             calls += match current.plan.blend {
                 Blend::TwoPass => two_pass::draw(&mut recorder, targets, layer, &bindings, draws, seed),
                 Blend::Opaque => opaque::draw(&mut recorder, targets, layer, &bindings, draws, seed),
                 Blend::Fuzzy => {
                     let access = current.plan.ordered.expect("planned with a way to be drawn");
-                    let front = |cmd| composite.draw_before(context, cmd, Before::FrontDepth, set, layer as u32, None);
-                    fuzzy::draw(&mut recorder, targets, layer, &bindings, draws, access, (seed, front))
+                    fuzzy::draw(&mut recorder, targets, layer, &bindings, draws, access, (seed, front_depth))
                 }
                 Blend::Groups => {
                     let layers = self.layers.as_mut().expect("made by prepare");
                     let fold = seed.expect("layers are always folded");
-                    groups::draw(&mut recorder, targets, layer, layers, &bindings, draws, fold)
+                    groups::draw(&mut recorder, targets, layer, layers, &bindings, draws, (fold, front_depth))
                 }
             };
         }
@@ -628,13 +646,10 @@ impl Renderer {
 
     /// Takes in what has come of layered point clouds, selects what this frame draws of them, and asks for what is missing.
     fn stream(&mut self, scene: &Scene, stats: &mut FrameStats) -> Streamed {
-        let (input, plan) = (scene.input, scene.plan);
+        let input = scene.input;
         let mut streamed = Streamed::default();
-        let tests = match plan.blend {
-            Blend::Groups => false,
-            Blend::Fuzzy | Blend::TwoPass | Blend::Opaque => self.context.enabled.conditional,
-        };
-        let margin = tests.then(|| footprint_margin(input.style) / input.style.threshold as f64);
+        let margin =
+            self.context.enabled.conditional.then(|| footprint_margin(input.style) / input.style.threshold as f64);
         for instance in input.instances {
             let (id, done) = (instance.cloud, &mut streamed.models);
             let Some(cloud) = self.clouds.get_mut(&id).filter(|c| c.patches.is_some() && !done.contains(&id)) else {
@@ -656,7 +671,7 @@ impl Renderer {
         let mut skip = |reason| stats.skipped.push(Skip { stage: "occlusion", reason });
         match stats.layered.iter().all(|l| l.occlusion_idle) {
             _ if stats.layered.is_empty() => skip("no layered point cloud"),
-            _ if margin.is_none() => skip("conditionalRendering is not enabled, or the blend has one layer a group"),
+            _ if margin.is_none() => skip("conditionalRendering is not enabled"),
             true => skip("so little was hidden lately that new patches are drawn without a test"),
             false if streamed.tested.is_empty() => skip("nothing is due to be tested"),
             false => {}
@@ -693,7 +708,7 @@ impl Renderer {
         input: &FrameInput,
         plan: &FramePlan,
         views: &[Vec<Draw>],
-        before: Option<Before>,
+        full_screen: impl Iterator<Item = Before>,
     ) -> Result<u32> {
         let roles: &[Role] = match (plan.blend, plan.ordered) {
             (Blend::Fuzzy, Some(access)) => &[Role::Fuzzy(access)],
@@ -702,15 +717,12 @@ impl Renderer {
             (Blend::Opaque, _) => &[Role::Opaque],
         };
         let mut built = 0;
-        if let Some(before) = before {
+        for before in full_screen {
             built += self.composite.ensure_before(&self.context, before)? as u32;
         }
         if views.iter().flatten().any(|d| !d.tests.is_empty()) {
             let variant = Variant::plain(Role::Occlusion);
             built += self.pipelines.ensure(&self.context, &self.splats, variant)? as u32;
-            if plan.blend == Blend::Fuzzy {
-                built += self.composite.ensure_before(&self.context, Before::FrontDepth)? as u32;
-            }
         }
         for draw in views.iter().flatten() {
             for &role in roles {

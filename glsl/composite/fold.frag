@@ -1,7 +1,7 @@
 #version 460
 // The layers of `groups` into one (Zhang and Pajarola 2006, figure 5): the least z + ε, then the sums of what lies before
 // it. Light and division follow with every other blend's.
-#include "host_depth.glsl"
+#include "layer_front.glsl"
 #include "blend/hidden.glsl"
 
 layout(constant_id = 0) const bool SURFACE = false;     // normals or the front's depth are wanted
@@ -9,20 +9,14 @@ layout(constant_id = 1) const bool NORMALS = false;     // there are normals
 layout(constant_id = 2) const bool HOST_DEPTH = false;
 
 layout(set = 1, binding = 0) uniform sampler2DArray layer_color;    // w c, w
-layout(set = 1, binding = 1) uniform sampler2DArray layer_front;    // z + ε, z
 layout(set = 1, binding = 2) uniform sampler2DArray layer_normal;   // w n
 
 layout(location = 0) out vec4 out_color;    // Σ w c, Σ w
 layout(location = 1) out vec4 out_surface;  // Σ w n, −z of the front
 
-const float NOTHING = 3.402823466e38;
-
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
-    float limit = NOTHING;
-    for (int k = 0; k < push.layers; k++) {
-        limit = min(limit, texelFetch(layer_front, ivec3(at, k), 0).x);
-    }
+    float limit = nearest_limit(at);
     if (limit == NOTHING) {
         discard;
     }

@@ -10,7 +10,5 @@ layout(push_constant) uniform PassPush {
 
 void main() {
     float limit = texelFetch(front, ivec3(ivec2(gl_FragCoord.xy), push.view), 0).x;
-    ViewParams p = frame.views[push.view];
-    float d = (p.depth_map.x * limit + p.depth_map.y) / (p.depth_map.z * limit + p.depth_map.w);
-    gl_FragDepth = clamp(d, 0.0, 1.0);
+    gl_FragDepth = internal_depth(frame.views[push.view], limit);
 }

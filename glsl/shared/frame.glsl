@@ -20,3 +20,8 @@ layout(set = 0, binding = 0, std140) uniform FrameParams {
     float edl_strength;
     float edl_radius;   // [px]
 } frame;
+
+// Internal depth of a linear one.
+float internal_depth(ViewParams p, float z) {
+    return clamp((p.depth_map.x * z + p.depth_map.y) / (p.depth_map.z * z + p.depth_map.w), 0.0, 1.0);
+}

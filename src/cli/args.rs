@@ -339,6 +339,15 @@ pub struct BuildArgs {
     /// missing radii are too.
     #[arg(long, value_name = "auto|input|estimate", default_value = "auto", value_parser = axis(Normals::ALL))]
     pub normals: Normals,
+    /// Stores every sample's group, for `fly --blend groups`.
+    #[arg(long)]
+    pub groups: bool,
+    /// c, 0 to 1. Samples share a group where their centres are farther apart than c times the sum of their radii.
+    #[arg(long, value_name = "C", default_value_t = Relax::default().factor, requires = "groups", allow_negative_numbers = true, value_parser = parse::factor)]
+    pub group_factor: f32,
+    /// Most groups, each a layer of attachments. Where they are not enough, samples of one group overlap more.
+    #[arg(long, value_name = "K", default_value_t = Relax::default().limit, requires = "groups", value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub group_limit: u32,
     /// Memory to work in, such as 512M or 2G.
     #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = parse::memory)]
     pub memory: u64,

@@ -7,6 +7,7 @@ use anyhow::{Result, bail};
 use glam::DVec3;
 
 use surfel::load::{self, Pieces};
+use surfel::structure::groups::Relax;
 use surfel::structure::layered::{self, Index, Options};
 
 use super::args::BuildArgs;
@@ -46,6 +47,7 @@ pub fn run(args: &BuildArgs) -> Result<Outcome> {
         precision: args.precision as f32,
         exact: args.exact,
         normals: args.normals,
+        groups: args.groups.then(|| Relax { factor: args.group_factor, limit: args.group_limit, ..Relax::default() }),
         memory: args.memory,
         name: &name,
         progress: Some(&told),
@@ -96,7 +98,8 @@ pub fn table(index: &Index) -> String {
     };
     let facts = Facts::of(index);
     let there = [("normals", index.normals), ("colors", index.colors), ("exact", index.exact)];
-    let there: Vec<&str> = there.iter().filter(|(_, b)| *b).map(|(n, _)| *n).collect();
+    let groups = index.groups.map(|count| format!("{count} groups"));
+    let there: Vec<&str> = there.iter().filter(|(_, b)| *b).map(|(n, _)| *n).chain(groups.as_deref()).collect();
     row("format", "layered point cloud".into());
     row("samples", grouped(index.samples()));
     row("nodes", format!("{} in {} levels", grouped(index.nodes.len() as u64), facts.levels));

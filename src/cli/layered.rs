@@ -165,7 +165,7 @@ fn as_json(index: &Index, verified: bool) -> Value {
         "samples": index.samples(),
         "nodes": index.nodes.len(),
         "levels": facts.levels,
-        "attributes": {"normals": index.normals, "colors": index.colors, "exact": index.exact},
+        "attributes": {"normals": index.normals, "colors": index.colors, "exact": index.exact, "groups": index.groups},
         "bits_a_sample": {"patches": facts.patches, "index": facts.index},
         "spacing": facts.spacing,
         "origin": index.origin.to_array(),

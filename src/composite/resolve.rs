@@ -79,6 +79,11 @@ pub enum Before {
     },
     /// What `fuzzy` has drawn so far as depth.
     FrontDepth,
+    /// What `groups` have drawn so far as depth.
+    LayersDepth {
+        /// The host's geometry hides what is behind it.
+        host_depth: bool,
+    },
     /// The layers of `groups` into one.
     Fold {
         /// Of the sums.
@@ -106,6 +111,7 @@ impl Composite {
             &spirv::COMPOSITE_SEED_DEPTH_FRAG,
             &spirv::COMPOSITE_SEED_FRONT_FRAG,
             &spirv::COMPOSITE_FRONT_DEPTH_FRAG,
+            &spirv::COMPOSITE_LAYERS_DEPTH_FRAG,
             &spirv::COMPOSITE_FOLD_FRAG,
         ];
         let program = Program::new(context, "composite", shaders, false, Some(push))?;
@@ -137,6 +143,9 @@ impl Composite {
         let (name, fragment, constants, colors) = match before {
             Before::SeedDepth => ("seed_depth", &spirv::COMPOSITE_SEED_DEPTH_FRAG, vec![], vec![]),
             Before::FrontDepth => ("front_depth", &spirv::COMPOSITE_FRONT_DEPTH_FRAG, vec![], vec![]),
+            Before::LayersDepth { host_depth } => {
+                ("layers_depth", &spirv::COMPOSITE_LAYERS_DEPTH_FRAG, vec![host_depth as u32], vec![])
+            }
             Before::SeedFront { sums, surface } => {
                 let mut colors = vec![target(sums_format(sums), BlendMode::Keep), target(FRONT, BlendMode::Replace)];
                 colors.extend(surface.then_some(target(SURFACE, BlendMode::Keep)));
@@ -161,7 +170,8 @@ impl Composite {
                 streams: &[],
                 topology: vk::PrimitiveTopology::TRIANGLE_LIST,
                 colors: &colors,
-                depth: matches!(before, Before::SeedDepth | Before::FrontDepth).then_some(depth),
+                depth: matches!(before, Before::SeedDepth | Before::FrontDepth | Before::LayersDepth { .. })
+                    .then_some(depth),
                 samples: vk::SampleCountFlags::TYPE_1,
                 view_mask: 0,
                 render_pass: None,
@@ -217,7 +227,7 @@ impl Composite {
     }
 
     /// Draws a pass before `composite` that was ensured: of a view, inside a pass with its attachments. `set` is the
-    /// frame's, `layers` the set and number of the layers of `groups`, if they are folded. Returns the number of draw calls.
+    /// frame's, `layers` the set and number of the layers of `groups`, if they are read. Returns the number of draw calls.
     pub fn draw_before(
         &self,
         context: &Context,

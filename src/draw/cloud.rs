@@ -124,17 +124,24 @@ impl DeviceCloud {
     /// Room for so many points, in which there are none.
     fn empty_chunk(&self, context: &mut Context, program: &Program, first: u32, count: u32) -> Result<Chunk> {
         let flat = self.flat();
-        let wanted = [("geometry", 16, true), ("normals", 4, flat.has_normals()), ("colors", 4, flat.has_colors())];
-        let mut made = [const { None }; 3];
+        let wanted = [
+            ("geometry", 16, true),
+            ("normals", 4, flat.has_normals()),
+            ("colors", 4, flat.has_colors()),
+            ("groups", 1, flat.groups.is_some()),
+        ];
+        let mut made = [const { None }; 4];
         let all = (|| {
             for (to, (name, bytes, _)) in made.iter_mut().zip(wanted).filter(|(_, (.., there))| *there) {
-                *to = Some(Buffer::new(context, name, bytes * count as u64, STREAM, Location::Device)?);
+                // Bytes are read four at a time.
+                let size = (bytes * count as u64).next_multiple_of(4);
+                *to = Some(Buffer::new(context, name, size, STREAM, Location::Device)?);
             }
             context.descriptor_sets(self.pool, &[program.sets[1]])
         })();
         match (all, made) {
-            (Ok(sets), [Some(geometry), normals, colors]) => {
-                let [frames, groups, links, nodes] = [const { None }; 4];
+            (Ok(sets), [Some(geometry), normals, colors, groups]) => {
+                let [frames, links, nodes] = [const { None }; 3];
                 let chunk =
                     Chunk { first, count, geometry, normals, colors, frames, groups, links, nodes, set: sets[0] };
                 chunk.write_set(context);

@@ -124,12 +124,12 @@ impl Layers {
         }
     }
 
-    /// All layers at once by location, cleared: no colour, nothing in front.
-    pub fn attachments(&self) -> (Vec<Attachment>, DepthAttachment) {
-        let attachment = |image: &Image, clear| Attachment { view: image.array, clear: Some(clear) };
+    /// All layers at once by location; cleared: no colour, nothing in front.
+    pub fn attachments(&self, cleared: bool) -> (Vec<Attachment>, DepthAttachment) {
+        let attachment = |image: &Image, clear| Attachment { view: image.array, clear: cleared.then_some(clear) };
         let mut colors = vec![attachment(&self.color, [0.0; 4]), attachment(&self.front, [NOTHING, NOTHING, 0.0, 0.0])];
         colors.extend(self.normals.as_ref().map(|image| attachment(image, [0.0; 4])));
-        (colors, DepthAttachment { view: self.depth.array, format: LAYER_DEPTH, clear: Some(0.0) })
+        (colors, DepthAttachment { view: self.depth.array, format: LAYER_DEPTH, clear: cleared.then_some(0.0) })
     }
 
     /// What is drawn into and then folded, and the depth.

@@ -34,12 +34,13 @@ struct Ready {
     bounds: Block,
 }
 
-/// Where a patch of `samples` has its normals and its colours in its piece, and how many bytes it has in all: each stream begins at a
-/// multiple of 16, and what a model has none of has its place.
-fn streams(samples: u64) -> [u64; 3] {
+/// Where a patch of `samples` has its normals, its colours and its groups in its piece, and how many bytes it has in all: each stream
+/// begins at a multiple of 16, and what a model has none of has its place.
+fn streams(samples: u64) -> [u64; 4] {
     let normals = 16 * samples;
     let colors = normals + (4 * samples).next_multiple_of(16);
-    [normals, colors, colors + (4 * samples).next_multiple_of(16)]
+    let groups = colors + (4 * samples).next_multiple_of(16);
+    [normals, colors, groups, groups + samples.next_multiple_of(16)]
 }
 
 impl Ready {
@@ -56,7 +57,10 @@ impl Ready {
         for (to, ([x, y, z], r)) in bytes.chunks_exact_mut(16).zip(patch.positions.iter().zip(&patch.radii)) {
             to.copy_from_slice(bytemuck::bytes_of(&[*x, *y, *z, *r]));
         }
-        let [normals, colors, _] = streams(bounds.count.into());
+        let [normals, colors, groups, _] = streams(bounds.count.into());
+        if let Some(of) = &patch.groups {
+            bytes[groups as usize..][..of.len()].copy_from_slice(of);
+        }
         for (at, words) in [(normals, &patch.normals), (colors, &patch.colors)] {
             if let Some(words) = words {
                 bytes[at as usize..][..size_of_val(&words[..])].copy_from_slice(bytemuck::cast_slice(words));
@@ -66,7 +70,7 @@ impl Ready {
     }
 
     fn bytes(&self) -> u64 {
-        streams(self.bounds.count.into())[2]
+        streams(self.bounds.count.into())[3]
     }
 }
 
@@ -203,9 +207,9 @@ impl Patches {
         let options = &model.streaming;
         let shift = model.largest().next_power_of_two().trailing_zeros();
         let words = 4 + model.flat.has_normals() as u64 + model.flat.has_colors() as u64;
-        let slot = (4 * words) << shift;
+        let slot = (4 * words + model.flat.groups.is_some() as u64) << shift;
         let slots = (options.cache / slot).clamp(2, model.index.nodes.len().max(2) as u64) as u32;
-        let piece = streams(1 << shift)[2];
+        let piece = streams(1 << shift)[3];
         let pool = Pool::new(context, piece, (STAGED / piece).clamp(4, slots.max(4).into()) as u32)?;
         let (decoder, pieces) = (Arc::clone(&model), pool.pieces());
         let decode = move |node: u32, bytes: Vec<u8>| {
@@ -355,15 +359,16 @@ impl Patches {
     /// Copies of patches to their slots.
     fn copies(&self, chunks: &[Chunk], placed: Vec<(u32, Ready)>) -> Upload {
         let (mut upload, per) = (Upload::of_pieces(&self.pool), of_chunk(self.shift));
-        for stream in 0..3 {
+        for stream in 0..4 {
             for (slot, patch) in &placed {
                 let chunk = &chunks[(slot / per) as usize];
                 let samples = u64::from(patch.bounds.count);
-                let [normals, colors, _] = streams(samples);
+                let [normals, colors, groups, _] = streams(samples);
                 let (at, to, bytes) = match stream {
                     0 => (0, Some(&chunk.geometry), 16),
                     1 => (normals, chunk.normals.as_ref(), 4),
-                    _ => (colors, chunk.colors.as_ref(), 4),
+                    2 => (colors, chunk.colors.as_ref(), 4),
+                    _ => (groups, chunk.groups.as_ref(), 1),
                 };
                 if let Some(to) = to {
                     let first = u64::from(slot % per) << self.shift;

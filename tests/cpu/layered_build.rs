@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use surfel::Error;
 use surfel::load::{Options as Reading, Pieces, PointCloud};
+use surfel::structure::groups::Relax;
 use surfel::structure::layered::{Normals, Options, build};
 
 use crate::common::data;
@@ -32,6 +33,10 @@ fn threads_and_memory_change_no_byte_and_seeds_do() {
     let little = Options { memory: 17 << 20, ..small() };
     assert!(bytes(&folder, &cloud, &little) == whole, "out of core");
     assert!(bytes(&folder, &cloud, &Options { seed: 2, ..small() }) != whole, "another seed");
+    let groups = Some(Relax::default());
+    let with = bytes(&folder, &cloud, &Options { groups, ..small() });
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    assert!(pool.install(|| bytes(&folder, &cloud, &Options { groups, ..little })) == with && with.len() > whole.len());
 }
 
 #[test]

@@ -6,6 +6,7 @@ use surfel::Error;
 use surfel::load::PointCloud;
 use surfel::stream::{Access, Fault, FaultKind};
 use surfel::structure::Index;
+use surfel::structure::groups::Relax;
 use surfel::structure::layered::{Options, Patch, verify};
 
 use crate::layered::{Model, scene};
@@ -139,7 +140,9 @@ fn a_patch_of_another_model_is_refused() {
 
 #[test]
 fn patches_are_checked_behind_their_checksum() {
-    let access = Bytes::new(bytes(false, &scene("sphere", 700)));
+    let options = Options { samples: 64, groups: Some(Relax::default()), ..Options::default() };
+    let model = Model::new("layered-checked", &scene("sphere", 700), &options);
+    let access = Bytes::new(std::fs::read(model.folder.path("m.lpc")).expect("the model"));
     let index = Index::read(&access).expect("an index");
     let mut patch = vec![0; index.nodes[0].bytes as usize];
     access.read(index.nodes[0].at, &mut patch).expect("bytes");
@@ -161,6 +164,18 @@ fn patches_are_checked_behind_their_checksum() {
         }
     }
     assert!(refused > 30, "{refused}");
+    // Fewer groups than samples are in, and none at all: the header says how many there are.
+    let index = Index { groups: Some(1), ..index };
+    let error = Patch::decode(&index, 0, &patch).expect_err("too few groups").to_string();
+    assert!(error.contains("a group that the model does not have"), "{error}");
+    let error = Patch::decode(&Index { groups: None, ..index }, 0, &patch).expect_err("one plane more").to_string();
+    assert!(error.contains("decompressed"), "{error}");
+    for count in [0, 257] {
+        let mut altered = std::fs::read(model.folder.path("m.lpc")).expect("the model");
+        altered[108..112].copy_from_slice(&u32::to_le_bytes(count));
+        let error = read(signed(altered)).expect_err("no number of groups").to_string();
+        assert!(error.contains("1 to 256"), "{error}");
+    }
 }
 
 #[test]

@@ -30,6 +30,7 @@ mod layered_cache;
 mod layered_common;
 mod layered_fade;
 mod layered_file;
+mod layered_groups;
 mod layered_in_view;
 mod layered_refine;
 mod load_bad;

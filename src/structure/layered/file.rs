@@ -23,6 +23,7 @@ const CLOSED: u32 = 4;
 const EXACT: u32 = 8;
 const UP: u32 = 16;
 const LATTICE: u32 = 32;
+const GROUPS: u32 = 64;
 
 /// Whether a file that begins with these bytes is a model.
 pub fn is_model(start: &[u8]) -> bool {
@@ -63,6 +64,7 @@ pub(super) fn head(index: &Index) -> Vec<u8> {
         (index.exact, EXACT),
         (index.up.is_some(), UP),
         (index.lattice.is_some(), LATTICE),
+        (index.groups.is_some(), GROUPS),
     ];
     let mut out = Writer(MAGIC.to_vec());
     out.words(&[VERSION, flags.iter().filter(|f| f.0).map(|f| f.1).sum(), index.nodes.len() as u32, NODE as u32]);
@@ -72,7 +74,7 @@ pub(super) fn head(index: &Index) -> Vec<u8> {
     out.vector(index.origin);
     out.vector(index.lattice.unwrap_or_default());
     out.floats(&index.up.unwrap_or_default().to_array());
-    out.0.resize(HEADER, 0);
+    out.words(&[index.groups.unwrap_or(0)]);
     for n in &index.nodes {
         out.floats(&[n.centre.x, n.centre.y, n.centre.z, n.ball, n.reach, n.axis.x, n.axis.y, n.axis.z, n.cone]);
         out.floats(&[n.spacing, n.published, n.plane]);
@@ -147,7 +149,7 @@ impl Index {
         }
         let (at, samples, size) = (header.long(), header.long(), header.long());
         let end = HEADER as u64 + count as u64 * NODE as u64 + 8;
-        if stride as usize != NODE || at != HEADER as u64 || flags >= 2 * LATTICE || count == 0 {
+        if stride as usize != NODE || at != HEADER as u64 || flags >= 2 * GROUPS || count == 0 {
             return Err(fail(12, "the header makes no sense".into()));
         }
         if size != access.size() || end > size {
@@ -155,6 +157,10 @@ impl Index {
             return Err(fail(access.size().min(size), why));
         }
         let (origin, lattice, up) = (header.vector(), header.vector(), header.triple());
+        let groups = Some(header.word()).filter(|_| flags & GROUPS != 0);
+        if groups.is_some_and(|count| !(1..=256).contains(&count)) {
+            return Err(fail(108, "the number of groups is not 1 to 256".into()));
+        }
         let mut rest = vec![0; (end - at) as usize];
         access.read(at, &mut rest).map_err(Error::Stream)?;
         bytes.append(&mut rest);
@@ -175,6 +181,7 @@ impl Index {
             up: (flags & UP != 0).then_some(up),
             exact: flags & EXACT != 0,
             lattice: (flags & LATTICE != 0).then_some(lattice),
+            groups,
             name: access.name().to_owned(),
         };
         if !(origin.is_finite() && lattice.is_finite() && up.is_finite()) {

@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::select::Sight;
 use crate::select::layered::{Counts, Cut, Refine, refine};
 use crate::stream::{Access, Fault, FaultKind, FetchOptions, FetchStats, Fetcher, Want};
+use crate::structure::groups::Groups;
 use crate::structure::{Flat, flat};
 
 /// Why a picture is given up that nothing comes for.
@@ -118,6 +119,7 @@ fn gather(index: &Index, cut: &Cut, patches: &HashMap<u32, Patch>) -> Flat {
     let mut flat = Flat { origin: index.origin, closed: index.closed, ..Flat::default() };
     flat.normals = index.normals.then(Vec::new);
     flat.colors = index.colors.then(Vec::new);
+    flat.groups = index.groups.map(|count| Groups { count, overlapping: true, ..Groups::default() });
     for step in cut.drawn() {
         let (Some(patch), Some(at)) = (patches.get(&step.node), cut.step_of(step.node)) else { continue };
         flat.geometry.extend(patch.positions.iter().zip(&patch.radii).map(|(p, own)| {
@@ -127,6 +129,7 @@ fn gather(index: &Index, cut: &Cut, patches: &HashMap<u32, Patch>) -> Flat {
         }));
         flat.normals.iter_mut().for_each(|all| all.extend(patch.normals.iter().flatten()));
         flat.colors.iter_mut().for_each(|all| all.extend(patch.colors.iter().flatten()));
+        flat.groups.iter_mut().for_each(|all| all.of.extend(patch.groups.iter().flatten()));
     }
     flat.blocks = flat::blocks(flat.geometry.len(), |i| flat.geometry[i]);
     flat

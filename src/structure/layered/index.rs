@@ -24,6 +24,8 @@ pub struct Index {
     /// Steps that coordinates are whole multiples of along x, y and z, where an exact model came from integers \[world
     /// units\].
     pub lattice: Option<DVec3>,
+    /// Number of groups that patches tell the samples' of, for [`Blend::Groups`](crate::technique::Blend::Groups); 1 to 256.
+    pub groups: Option<u32>,
     /// The file's path or address, for messages.
     pub name: String,
 }

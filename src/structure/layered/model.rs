@@ -7,6 +7,8 @@ use crate::error::Result;
 use crate::select::layered::Rule;
 use crate::stream::{Access, FetchOptions};
 use crate::structure::Flat;
+#[cfg(feature = "layered")]
+use crate::structure::groups::Groups;
 
 /// The samples of a node, decoded. All arrays have the same length, in the order of storage: those that lie in the region
 /// of any descendant of the node are consecutive.
@@ -20,6 +22,8 @@ pub struct Patch {
     pub normals: Option<Vec<u32>>,
     /// sRGB bytes, red lowest, 255 on top.
     pub colors: Option<Vec<u32>>,
+    /// Their [groups](crate::structure::groups).
+    pub groups: Option<Vec<u8>>,
 }
 
 /// How a renderer streams a model.
@@ -110,6 +114,8 @@ impl Layered {
             normals: index.normals.then(Vec::new),
             colors: index.colors.then(Vec::new),
             closed: index.closed,
+            // Made for whole levels; where a cut has several, neighbours may share one.
+            groups: index.groups.map(|count| Groups { count, overlapping: true, ..Groups::default() }),
             blocks: root.map(around).into_iter().collect(),
             ..Flat::default()
         };

@@ -44,17 +44,23 @@ pub(super) struct Content {
     pub colors: bool,
     pub exact: bool,
     pub lattice: Option<DVec3>,
+    /// Number of groups.
+    pub groups: Option<u32>,
 }
 
 impl Content {
     pub fn of(index: &Index) -> Content {
-        Content { normals: index.normals, colors: index.colors, exact: index.exact, lattice: index.lattice }
+        let Index { normals, colors, exact, lattice, groups, .. } = *index;
+        Content { normals, colors, exact, lattice, groups }
     }
 
     /// Planes of everything but positions.
     fn planes(&self) -> usize {
         let [radius, normal] = if self.exact { [4, 4] } else { [1, 2] };
-        radius + if self.normals { normal } else { 0 } + if self.colors { 3 } else { 0 }
+        radius
+            + if self.normals { normal } else { 0 }
+            + if self.colors { 3 } else { 0 }
+            + self.groups.is_some() as usize
     }
 }
 
@@ -252,6 +258,12 @@ pub(super) fn encode(samples: &mut [Sample], content: &Content, grid: &Grid) -> 
     Ok(bytes)
 }
 
+/// The groups of a patch's samples: a frame behind that of [`encode`], since they are found once all patches are there.
+pub(super) fn encode_groups(of: &[u8]) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    compress(of, of.len(), &mut bytes).map(|()| bytes)
+}
+
 /// One frame. A block ends with every plane: a block has one table of codes, and what is frequent in one plane is rare in
 /// the next.
 fn compress(raw: &[u8], plane: usize, to: &mut Vec<u8>) -> std::io::Result<()> {
@@ -282,7 +294,7 @@ impl Patch {
     /// Decodes the bytes of a node's patch. `node` is less than the number of nodes.
     ///
     /// The checksum comes first, so that what is decoded is what was written; even so nothing is trusted: at most
-    /// [`MAX_SAMPLES`] samples of 23 bytes are decompressed.
+    /// [`MAX_SAMPLES`] samples of 24 bytes are decompressed.
     ///
     /// # Errors
     /// [`Error::Data`] with the file's name and the byte in it, where the bytes are not the patch that the index means.
@@ -316,6 +328,7 @@ impl Patch {
         }
         let planes = positions.iter().map(|p| *p as usize).sum::<usize>() + content.planes();
         let mut raw = vec![0; n * planes];
+        // One frame, or two with groups: what comes out follows each other.
         match zstd::bulk::decompress_to_buffer(&bytes[HEAD..], &mut raw) {
             Ok(size) if size == raw.len() => {}
             Ok(_) => return Err(fail(HEAD, "the patch holds less than its header says")),
@@ -358,7 +371,11 @@ impl Patch {
             let rest = green.iter().zip(red).zip(undo_bytes(&mut planes));
             rest.map(|((g, r), b)| u32::from_le_bytes([r.wrapping_add(*g), *g, b.wrapping_add(*g), 255])).collect()
         });
-        Ok(Patch { positions, radii, normals, colors })
+        let groups = content.groups.map(|_| planes.next().unwrap_or_default().to_vec());
+        if groups.iter().flatten().any(|group| u32::from(*group) >= content.groups.unwrap_or(0)) {
+            return Err(fail(HEAD, "a sample is in a group that the model does not have"));
+        }
+        Ok(Patch { positions, radii, normals, colors, groups })
     }
 }
 

@@ -4,6 +4,7 @@ use super::{Index, Node, Patch};
 use crate::error::{Error, Result};
 use crate::par;
 use crate::stream::Access;
+use crate::structure::groups::Groups;
 use crate::structure::{Flat, flat};
 
 /// Patches that are read before they are decoded side by side.
@@ -68,10 +69,12 @@ fn first(index: &Index, access: &dyn Access, count: usize) -> Result<Flat> {
     let mut flat = Flat { origin: index.origin, closed: index.closed, ..Flat::default() };
     flat.normals = index.normals.then(Vec::new);
     flat.colors = index.colors.then(Vec::new);
+    flat.groups = index.groups.map(|count| Groups { count, overlapping: true, ..Groups::default() });
     each(index, access, count, |patch| {
         flat.geometry.extend(patch.positions.iter().zip(&patch.radii).map(|([x, y, z], r)| [*x, *y, *z, *r]));
         flat.normals.iter_mut().for_each(|all| all.extend(patch.normals.iter().flatten()));
         flat.colors.iter_mut().for_each(|all| all.extend(patch.colors.iter().flatten()));
+        flat.groups.iter_mut().for_each(|all| all.of.extend(patch.groups.iter().flatten()));
     })?;
     flat.blocks = flat::blocks(flat.geometry.len(), |i| flat.geometry[i]);
     Ok(flat)

@@ -4,6 +4,7 @@
 //! hands the rest to two children. What a node draws depends on the order of the input, on the seed and on the way to the
 //! node, not on whether its part was in memory nor on the number of threads: the same bytes.
 
+mod color;
 mod estimate;
 mod finish;
 mod region;
@@ -23,6 +24,7 @@ use super::{Index, MAX_SAMPLES};
 use crate::error::{Error, Place, Result};
 use crate::load::{Pieces, PointCloud, Report};
 use crate::par;
+use crate::structure::groups::Relax;
 use crate::structure::octahedral;
 use estimate::Facing;
 use region::Region;
@@ -84,6 +86,10 @@ pub struct Options<'a> {
     pub exact: bool,
     /// Normals, and radii with them where they are estimated.
     pub normals: Normals,
+    /// Groups for [`Blend::Groups`](crate::technique::Blend::Groups), of all samples, so that no two that overlap in any whole level share
+    /// one; where in a picture a coarse level meets a finer one, some may, as at the borders of parts of some hundred thousand samples,
+    /// which are coloured one after the other.
+    pub groups: Option<Relax>,
     /// Bytes to work in, 16 MiB of them for buffers; 64 MiB and more are of use.
     pub memory: u64,
     /// Stands for the input in errors.
@@ -102,6 +108,7 @@ impl Default for Options<'_> {
             precision: 0.125,
             exact: false,
             normals: Normals::Auto,
+            groups: None,
             memory: 1 << 30,
             name: "the input",
             progress: None,
@@ -137,10 +144,12 @@ pub struct Built {
 ///
 /// # Errors
 /// Those of the readers; [`Error::Io`] with the output's name where it or a temporary file cannot be written;
-/// [`Error::Data`] for no points at all, and for more than [`MAX_SAMPLES`] at one place.
+/// [`Error::Data`] for no points at all, and for more than [`MAX_SAMPLES`] at one place; [`Error::Unsupported`] for groups as
+/// [`Groups::color`](crate::structure::groups::Groups::color) refuses them.
 pub fn build(inputs: Vec<Pieces>, to: &Path, options: &Options) -> Result<Built> {
     let options =
         Options { samples: options.samples.clamp(1, MAX_SAMPLES), candidates: options.candidates.max(2), ..*options };
+    options.groups.iter().try_for_each(Relax::check)?;
     let folder = Folder::new(to);
     let mut read = Read::new(&inputs);
     let samples = read.all(inputs, &folder, &options)?;
@@ -153,7 +162,7 @@ pub fn build(inputs: Vec<Pieces>, to: &Path, options: &Options) -> Result<Built>
         lattice = None;
     }
     let estimate = options.normals == Normals::Estimate || options.normals == Normals::Auto && !normals;
-    let content = Content { normals: normals || estimate, colors, exact: options.exact, lattice };
+    let content = Content { normals: normals || estimate, colors, exact: options.exact, lattice, groups: None };
     let total = samples.count();
     let maker = Maker {
         options: &options,
@@ -182,9 +191,27 @@ pub fn build(inputs: Vec<Pieces>, to: &Path, options: &Options) -> Result<Built>
         up,
         exact: options.exact,
         lattice,
+        groups: None,
         name: to.display().to_string(),
     };
-    write::write(&mut index, &patches, to, &folder, |done, total| options.report("write", done, total))?;
+    let colored = match &options.groups {
+        Some(relax) => {
+            Some(color::color(&index, &patches, &folder, relax, |done| options.report("groups", done, total))?)
+        }
+        None => None,
+    };
+    if let Some(colored) = &colored {
+        index.groups = Some(colored.count);
+        if colored.conflicts > 0 {
+            report.assume(format!(
+                "{} samples share a group with others that they overlap: too few groups",
+                colored.conflicts
+            ));
+        }
+    }
+    write::write(&mut index, &patches, colored.as_ref(), to, &folder, |done, total| {
+        options.report("write", done, total)
+    })?;
     Ok(Built { index, report })
 }
 

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::color::Colored;
 use super::finish::Grown;
 use super::spool::{BUFFER, Folder, Spool};
 use crate::error::{Error, Result};
@@ -54,14 +55,18 @@ pub(super) fn numbered(root: Grown) -> Vec<Node> {
 pub(super) fn write(
     index: &mut Index,
     patches: &Spool<u8>,
+    colored: Option<&Colored>,
     to: &Path,
     folder: &Folder,
     progress: impl Fn(u64, u64),
 ) -> Result<()> {
     let total = patches.count();
-    let from: Vec<u64> = index.nodes.iter().map(|n| n.at).collect();
+    let from: Vec<(u64, u32)> = index.nodes.iter().map(|n| (n.at, n.bytes)).collect();
     let mut at = head_bytes(index.nodes.len());
-    for node in &mut index.nodes {
+    for (i, node) in index.nodes.iter_mut().enumerate() {
+        if let Some(colored) = colored {
+            (node.bytes, node.checksum) = (node.bytes + colored.frames[i].bytes, colored.frames[i].checksum);
+        }
         node.at = at;
         at += node.bytes as u64;
     }
@@ -70,11 +75,15 @@ pub(super) fn write(
         let mut out = BufWriter::with_capacity(BUFFER, File::create(&part).map_err(|e| folder.fails(e))?);
         out.write_all(&head(index)).map_err(|e| folder.fails(e))?;
         let (mut patch, mut done) = (Vec::new(), 0);
-        for (node, from) in index.nodes.iter().zip(from) {
-            patch.resize(node.bytes as usize, 0);
-            patches.read(from, &mut patch)?;
+        for (i, (from, bytes)) in from.into_iter().enumerate() {
+            patch.resize(index.nodes[i].bytes as usize, 0);
+            let (own, groups) = patch.split_at_mut(bytes as usize);
+            patches.read(from, own)?;
+            if let Some(colored) = colored {
+                colored.spool.read(colored.frames[i].at, groups)?;
+            }
             out.write_all(&patch).map_err(|e| folder.fails(e))?;
-            done += patch.len() as u64;
+            done += u64::from(bytes);
             progress(done, total);
         }
         let synced = out.into_inner().map_err(|e| e.into_error()).and_then(|file| file.sync_all());
