@@ -38,6 +38,12 @@ pub trait Access: Send + Sync + fmt::Debug {
         self.read(at, to)
     }
 
+    /// The first `bytes` will be read soon: where a read costs a round trip, they are fetched in one, and kept. What fails here is for
+    /// the reads to say.
+    fn expect(&self, bytes: u64) {
+        let _ = bytes;
+    }
+
     /// Ends the waiting of all threads that are in a call now: their requests fail. What is asked afterwards works, the
     /// retries of [`read`](Access::read) too.
     fn interrupt(&self) {}

@@ -64,7 +64,7 @@ fn the_index_takes_two_reads() {
     let access = Bytes::new(bytes(false, &scene("sphere", 1000)));
     let index = Index::read(&access).expect("an index");
     let end = 112 + 88 * index.nodes.len();
-    assert_eq!(*access.1.lock().expect("reads"), [(0, 112), (112, end + 8 - 112)], "what docs/FORMAT.md says");
+    assert_eq!(*access.1.lock().expect("reads"), [(0, 200), (200, end + 8 - 200)], "what docs/FORMAT.md says");
     assert_eq!(index.nodes[0].at, end as u64 + 8);
     let levels: Vec<u8> = index.nodes.iter().map(|n| n.level).collect();
     assert!(levels.is_sorted() && levels[levels.len() - 1] > 2);

@@ -8,12 +8,13 @@ use glam::{DMat4, DVec3};
 use surfel::Error;
 use surfel::select::layered::{Cut, Refine, refine};
 use surfel::select::{Sight, View};
-use surfel::stream::{Access, Fault, FaultKind, FileAccess};
-use surfel::structure::layered::{InView, Patience, coarse, in_view, whole};
+use surfel::stream::{Access, Fault, FaultKind, FileAccess, HttpAccess, HttpOptions};
+use surfel::structure::layered::{InView, Options, Patience, coarse, in_view, whole};
 use surfel::structure::{Flat, Index};
 use surfel::style::Style;
 
 use crate::layered::{Model, scene, small};
+use crate::server::{Served, Server};
 
 const PATIENCE: Patience = Patience { threads: 3, silence: Duration::from_secs(20) };
 
@@ -170,4 +171,25 @@ fn nothing_is_waited_for_without_end() {
     let index = Arc::new(model.index.clone());
     let error = in_view(&index, Arc::new(Silent(model.access.size())), &sight, &Refine::default(), patience);
     assert!(matches!(error, Err(Error::Stream(_))), "{error:?}");
+}
+
+/// The first picture takes the way to the server twice: for the file's beginning, and for the rest of the index with the root.
+#[test]
+fn index_and_root_are_two_requests() {
+    let model = Model::new("layered-requests", &scene("demo", 20_000), &Options { samples: 256, ..Options::default() });
+    let bytes = std::fs::read(model.folder.path("m.lpc")).expect("the model");
+    let end = model.index.nodes[0].at;
+    let served = Served { bytes, etag: "\"one\"" };
+    let server = Server::start(move |asked| served.right(asked));
+    // As far as the root, so that its patch's size is known, and no farther; the index of a large model does not fit.
+    let options = HttpOptions { head: 256, proxy: false, ..HttpOptions::default() };
+    let access: Arc<dyn Access> = Arc::new(HttpAccess::open(&server.address("m.lpc"), options).expect("a model"));
+    let index = Arc::new(Index::read(&*access).expect("an index"));
+    assert!(end > 5000 && index.nodes == model.index.nodes);
+    // So coarse that the root is all there is to see.
+    let of = seen(&index, access, &sight(&index, 1e3, 1e3)).expect("a picture");
+    assert_eq!((of.flat.len(), of.counts.drawn), (256, 1));
+    let asked: Vec<_> = server.asked().iter().map(|a| a.range).collect();
+    let last = (end + u64::from(index.nodes[0].bytes)) as usize - 1;
+    assert_eq!(asked, [Some((0, 255)), Some((256, last))]);
 }

@@ -61,6 +61,7 @@ mod scene_files;
 mod sequential;
 mod sequential_file;
 mod sequential_views;
+#[path = "../common/server.rs"]
 mod server;
 mod stream_fetch;
 mod stream_file;

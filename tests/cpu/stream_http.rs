@@ -135,6 +135,33 @@ fn opening_is_one_request_that_brings_the_beginning() {
 }
 
 #[test]
+fn what_is_expected_is_one_request_and_kept() {
+    let served = Served::new(4000);
+    let answers = served.clone();
+    // The third request gets no answer that is one.
+    let server = Server::start(move |asked| match asked.number {
+        2 => answers.status("503 Service Unavailable", ""),
+        _ => answers.right(asked),
+    });
+    let access = HttpAccess::open(&server.address("file"), quick()).expect("a file");
+    access.expect(1000);
+    assert_eq!(server.asked()[1].range, Some((64, 999)), "what opening brought is not asked for again");
+    for (at, len) in [(0, 1000), (0, 10), (60, 10), (999, 1)] {
+        assert!(read(&access, at, len).expect("bytes") == served.bytes[at as usize..at as usize + len]);
+    }
+    access.expect(900);
+    assert_eq!(server.requests(), 2);
+    // A fault is for the reads to say, and what is too much is not kept.
+    let other = HttpAccess::open(&server.address("file"), HttpOptions { head: 4, whole: 3999, ..quick() });
+    assert_eq!((other.is_err(), server.requests() > 2), (false, true));
+    let other = other.expect("after another attempt");
+    let before = server.requests();
+    other.expect(u64::MAX);
+    assert_eq!(server.requests(), before, "more than is ever kept");
+    assert!(read(&other, 10, 20).expect("bytes") == served.bytes[10..30]);
+}
+
+#[test]
 fn what_passes_is_named_and_survived() {
     for &(name, kind, wrong) in PASSING {
         let (file, server) = wrong_at(1, false, wrong);

@@ -86,6 +86,8 @@ pub struct HttpAccess {
     version: Version,
     /// The file's first bytes.
     head: Vec<u8>,
+    /// More of them, since they were [expected](Access::expect).
+    start: OnceLock<Vec<u8>>,
     /// All of it, where the server sends nothing less.
     whole: OnceLock<Vec<u8>>,
     /// Held while all of it is fetched.
@@ -120,7 +122,16 @@ impl HttpAccess {
         match client.retried(|| opened(&client)) {
             Ok(Opened { size, version, head, whole }) => {
                 let (head, whole) = if whole { (Vec::new(), OnceLock::from(head)) } else { (head, OnceLock::new()) };
-                Ok(HttpAccess { client, name, size, version, head, whole, fetching: Mutex::new(()) })
+                Ok(HttpAccess {
+                    client,
+                    name,
+                    size,
+                    version,
+                    head,
+                    start: OnceLock::new(),
+                    whole,
+                    fetching: Mutex::new(()),
+                })
             }
             Err(Problem { kind, why }) => Err(Error::Stream(Fault { kind, name, at: 0, why })),
         }
@@ -147,7 +158,7 @@ impl HttpAccess {
             let why = format!("{} bytes were asked for, the file has {} in all", to.len(), self.size);
             self.fault(at, Problem::new(FaultKind::Short, why))
         })?;
-        let kept = self.whole.get().unwrap_or(&self.head);
+        let kept = self.whole.get().or(self.start.get()).unwrap_or(&self.head);
         // The end is no farther than `kept` goes, so both fit in memory.
         let here = end <= kept.len() as u64;
         if here {
@@ -248,6 +259,20 @@ impl Access for HttpAccess {
             return Ok(());
         }
         self.request(at, to).map_err(|p| self.fault(at, p))
+    }
+
+    fn expect(&self, bytes: u64) {
+        let bytes = bytes.min(self.size);
+        let kept = self.whole.get().or(self.start.get()).unwrap_or(&self.head);
+        if bytes <= kept.len() as u64 || bytes > self.client.options.whole {
+            return;
+        }
+        let mut start = vec![0; bytes as usize];
+        let (here, rest) = start.split_at_mut(kept.len());
+        here.copy_from_slice(kept);
+        if self.request(here.len() as u64, rest).is_ok() {
+            let _ = self.start.set(start);
+        }
     }
 
     fn interrupt(&self) {

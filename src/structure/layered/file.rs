@@ -16,6 +16,8 @@ const VERSION: u32 = 1;
 const HEADER: usize = 112;
 /// Bytes of a node.
 const NODE: usize = 88;
+/// Of a root's patch that is fetched with the index at most.
+const EXPECTED: u32 = 1 << 20;
 
 const NORMALS: u32 = 1;
 const COLORS: u32 = 2;
@@ -134,10 +136,11 @@ impl Index {
     /// [`Error::Stream`] where bytes do not come, [`Error::Data`] with file and byte for the rest.
     pub fn read(access: &dyn Access) -> Result<Index> {
         let fail = |at: u64, why: String| Error::data(access.name(), Place::Byte(at), why);
-        let mut bytes = vec![0; HEADER];
         if access.size() < HEADER as u64 {
             return Err(fail(access.size(), "the file ends inside the header of a layered point cloud".into()));
         }
+        // With the root, which there always is.
+        let mut bytes = vec![0; access.size().min((HEADER + NODE) as u64) as usize];
         access.read(0, &mut bytes).map_err(Error::Stream)?;
         if !is_model(&bytes) {
             return Err(fail(0, "this is no layered point cloud: it does not start with `surfelLP`".into()));
@@ -161,9 +164,12 @@ impl Index {
         if groups.is_some_and(|count| !(1..=256).contains(&count)) {
             return Err(fail(108, "the number of groups is not 1 to 256".into()));
         }
-        let mut rest = vec![0; (end - at) as usize];
-        access.read(at, &mut rest).map_err(Error::Stream)?;
-        bytes.append(&mut rest);
+        // The root's patch follows the index: no picture is without it. Nothing is checked yet, so that has a bound.
+        let root = node(&mut Reader(&bytes[HEADER..])).bytes.min(EXPECTED);
+        access.expect((end + u64::from(root)).min(size));
+        let begun = bytes.len();
+        bytes.resize(end as usize, 0);
+        access.read(begun as u64, &mut bytes[begun..]).map_err(Error::Stream)?;
         let (body, sum) = bytes.split_at(end as usize - 8);
         let mut hash = Fnv::NEW;
         hash.add(body);
