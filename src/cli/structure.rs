@@ -110,8 +110,9 @@ pub fn level(
         };
         let mut tree = tree.packed(args.packing);
         if let Some(relax) = relax {
-            let levels = tree.levels();
-            tree.flat.groups = Some(Groups::color_where(&tree.flat, relax, |a, b| levels[a].abs_diff(levels[b]) <= 1)?);
+            let (levels, octave) = (tree.levels(), tree.octave());
+            let together = |a: usize, b: usize| levels[a].abs_diff(levels[b]) <= octave;
+            tree.flat.groups = Some(Groups::color_where(&tree.flat, relax, together)?);
         }
         anyhow::Ok((tree.bytes(), tree.moved, Cloud::from(Arc::new(tree))))
     };

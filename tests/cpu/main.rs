@@ -44,6 +44,7 @@ mod load_synthetic;
 mod nginx;
 mod octree;
 mod octree_file;
+mod octree_levels;
 mod packing;
 mod reference_blends;
 mod reference_common;

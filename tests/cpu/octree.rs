@@ -33,7 +33,7 @@ fn flat(points: impl IntoIterator<Item = DVec3>, radius: f32) -> Flat {
 }
 
 /// A bumpy sphere, denser at one side, and some points in the air.
-fn scan(n: usize, seed: u64) -> Flat {
+pub fn scan(n: usize, seed: u64) -> Flat {
     let mut random = Random(seed);
     let surface = |random: &mut Random| {
         let p = (random.vector() + dvec3(0.4, 0.0, 0.0)).normalize();
