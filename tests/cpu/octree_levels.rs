@@ -84,7 +84,9 @@ impl Oracle<'_> {
         [x, y, z, r, least].map(f32::to_bits)
     }
 
-    fn average(&self, points: &[usize], radius: f32, least: f32) -> Drawn {
+    /// As large as the cell, and as the largest of them.
+    fn average(&self, points: &[usize], side: f32, least: f32) -> Drawn {
+        let radius = points.iter().map(|&i| self.flat.geometry[i][3]).fold(side, f32::max);
         let sum: DVec3 = points.iter().map(|&i| self.flat.position(i as u32).as_dvec3()).sum();
         let [x, y, z] = (sum / points.len() as f64).as_vec3().to_array();
         [x, y, z, radius, least].map(f32::to_bits)
@@ -141,9 +143,10 @@ fn drawn(octree: &Octree, spacing: f64) -> Vec<Drawn> {
     list.spans.iter().flat_map(entries).map(of).collect()
 }
 
-/// Points with others very near by, which cells part at one level and join at the next.
+/// Points of many sizes, with others very near by, which cells part at one level and join at the next.
 fn pairs(n: usize, seed: u64) -> Flat {
     let mut flat = scan(n, seed);
+    flat.geometry.iter_mut().enumerate().for_each(|(i, g)| g[3] *= (i * i % 17) as f32 + 0.5);
     for i in (0..n - 1).step_by(7) {
         let near = flat.geometry[i].map(|v| v + 1e-4 * (1 + i % 13) as f32);
         flat.geometry[i + 1][..3].copy_from_slice(&near[..3]);

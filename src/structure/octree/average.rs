@@ -13,6 +13,7 @@ pub(super) struct Sample {
     normal: DVec3,
     /// In linear light; 0 where there is none.
     color: DVec3,
+    radius: f32,
 }
 
 /// A point as it is stored.
@@ -32,19 +33,21 @@ impl Sample {
             let [r, g, b, _] = colors[i as usize].to_le_bytes();
             DVec3::new(table[r as usize], table[g as usize], table[b as usize])
         });
-        Sample { position: flat.position(i).as_dvec3(), normal, color }
+        Sample { position: flat.position(i).as_dvec3(), normal, color, radius: flat.geometry[i as usize][3] }
     }
 }
 
-/// Mean position, normal and colour, colours in linear light, with a radius. Normals of a cloud that is not closed are taken
+/// Mean position, normal and colour, colours in linear light, as large as a cell's side and as the largest of them: in a sparse
+/// region two that lie near each other still cover what is around them. Normals of a cloud that is not closed are taken
 /// for lines: one that was only estimated may point either way.
-pub(super) fn average(samples: impl Iterator<Item = Sample>, closed: bool, radius: f32) -> Stored {
+pub(super) fn average(samples: impl Iterator<Item = Sample>, closed: bool, side: f32) -> Stored {
     let (mut position, mut normal, mut color) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
-    let mut n = 0.0;
+    let (mut n, mut radius) = (0.0, side);
     for sample in samples {
         position += sample.position;
         normal += if normal.dot(sample.normal) < 0.0 && !closed { -sample.normal } else { sample.normal };
         color += sample.color;
+        radius = radius.max(sample.radius);
         n += 1.0;
     }
     let code =

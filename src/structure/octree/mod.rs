@@ -3,7 +3,9 @@
 //!
 //! A cell of side s may be one point where s ≤ τ · distance: projected spacing against the threshold. Cells that hold more
 //! than a block's points are *inner*; the others are *blocks*, drawn at one level each, the coarsest that suffices for
-//! their nearest point. What is drawn at a level gets at least its side as radius: a point a cell lies that far apart.
+//! their nearest point. What is drawn at a level gets at least its side as radius: a point a cell lies that far apart. An average is
+//! also as large as the largest of its points: where cells are smaller than the spacing, two that lie near each other still reach to
+//! the next.
 //!
 //! | preset | a block holds | drawn at level L |
 //! |---|---|---|
@@ -259,7 +261,7 @@ impl Octree {
                 cell.reach = cell.reach.max(r * own);
             };
             if let Some(block) = self.blocks.get(cell.block as usize) {
-                // Averages are as large as their spacing, which selection allows for anyway.
+                // Averages are as large as their spacing, which selection allows for anyway, or as one of their points.
                 for (run, own) in
                     [(&block.points, 1.0), (&block.averages, 0.0)].into_iter().filter(|(r, _)| r.levels > 0)
                 {
