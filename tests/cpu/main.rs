@@ -21,6 +21,7 @@ mod http_nginx;
 mod hybrid;
 #[path = "../common/hybrid.rs"]
 mod hybrid_common;
+mod hybrid_file;
 #[path = "../common/golden.rs"]
 mod kept;
 mod layered;

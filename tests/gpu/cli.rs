@@ -173,20 +173,50 @@ fn groups_are_made_once() {
 
 #[test]
 fn trees_are_made_once() {
-    made_once("sequential", &["--error", "diameter"], "a.tree: holds the tree of");
+    made_once("scene:torus:3k", "sequential", &["--error", "diameter"], "a.tree: holds the tree of");
 }
 
 #[test]
 fn octrees_are_made_once() {
-    made_once("mospt", &["--block", "500"], "a.tree: holds the octree of");
+    for structure in ["mospt", "espt"] {
+        made_once("scene:torus:3k", structure, &["--block", "500"], "a.tree: holds the octree of");
+    }
 }
 
-fn made_once(structure: &str, other: &[&str], named: &str) {
+#[test]
+fn hybrids_are_made_once() {
+    let folder = Folder::new("render-mesh-hybrid");
+    made_once(&waves(&folder), "hybrid", &["--error", "diameter"], "a.tree: holds the hybrid of");
+}
+
+/// A file of a mesh: 40 × 40 vertices in waves.
+fn waves(folder: &Folder) -> String {
+    let n = 40;
+    let vertex = |i: u32| {
+        let (x, y) = ((i % n) as f32, (i / n) as f32);
+        format!("{x} {y} {}\n", 3.0 * (0.3 * x).sin() * (0.2 * y).cos())
+    };
+    let face = |i: u32| {
+        let a = i / (n - 1) * n + i % (n - 1);
+        format!("3 {a} {} {}\n3 {a} {} {}\n", a + 1, a + n + 1, a + n + 1, a + n)
+    };
+    let (vertices, faces): (String, String) =
+        ((0..n * n).map(vertex).collect(), (0..(n - 1).pow(2)).map(face).collect());
+    let head = format!("ply\nformat ascii 1.0\nelement vertex {}\n", n * n);
+    let head = head + "property float x\nproperty float y\nproperty float z\n";
+    let head =
+        head + &format!("element face {}\nproperty list uchar int vertex_indices\nend_header\n", 2 * (n - 1).pow(2));
+    let path = folder.path("waves.ply");
+    fs::write(&path, head + &vertices + &faces).expect("a file");
+    path
+}
+
+fn made_once(input: &str, structure: &str, other: &[&str], named: &str) {
     let folder = Folder::new(&format!("render-{structure}"));
     let (out, again, kept) = (folder.path("a.png"), folder.path("b.png"), folder.path("a.tree"));
     let with = |out: &str, more: &[&str]| {
         let more = [&["--structure", structure, "--threshold", "2", "--tree", &kept], more].concat();
-        render(&["scene:torus:3k"], out, &more)
+        render(&[input], out, &more)
     };
     for out in [&out, &again] {
         let done = with(out, &[]);
