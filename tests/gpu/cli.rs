@@ -211,6 +211,29 @@ fn waves(folder: &Folder) -> String {
     path
 }
 
+#[test]
+fn meshes_are_sampled() {
+    let folder = Folder::new("render-samples");
+    let (mesh, out, json) = (waves(&folder), folder.path("a.png"), folder.path("a.json"));
+    let mut drawn = Vec::new();
+    for structure in ["flat", "sequential", "espt", "mospt"] {
+        let more = ["--samples", "20000", "--structure", structure, "--threshold", "0.01", "--stats", &json];
+        let done = render(&[&mesh], &out, &more);
+        assert_eq!(done.status.code(), Some(0), "{structure}: {}", stderr(&done));
+        let said = String::from_utf8_lossy(&done.stdout).into_owned();
+        assert!(said.contains("20000 points sampled from 3042 faces, evenly by area"), "{structure}: {said}");
+        let stats: serde_json::Value = serde_json::from_slice(&fs::read(&json).unwrap()).unwrap();
+        drawn.push((stats["points_drawn"].as_u64().expect("counted"), fs::read(&out).unwrap()));
+    }
+    assert!(drawn.iter().all(|(n, _)| *n == 20_000), "{:?}", drawn.iter().map(|d| d.0).collect::<Vec<_>>());
+    assert!(render(&[&mesh], &out, &[]).status.success());
+    assert!(drawn.iter().all(|(_, picture)| *picture != fs::read(&out).unwrap()), "not the vertices");
+    for (input, says) in [("scene:torus:99", "the input has no faces"), ("scene:demo:99", "--samples")] {
+        let refused = render(&[input], &out, &["--samples", "9"]);
+        assert!(refused.status.code() == Some(1) && stderr(&refused).contains(says), "{input}: {}", stderr(&refused));
+    }
+}
+
 fn made_once(input: &str, structure: &str, other: &[&str], named: &str) {
     let folder = Folder::new(&format!("render-{structure}"));
     let (out, again, kept) = (folder.path("a.png"), folder.path("b.png"), folder.path("a.tree"));
@@ -290,6 +313,8 @@ fn what_makes_no_sense_for_a_blend_is_refused() {
         ("--packing tight", 2),
         ("--structure espt --blend groups --groups a.groups", 2),
         ("--structure sequential --error cell", 2),
+        ("--structure hybrid --samples 9", 2),
+        ("--samples 0", 2),
         ("--structure espt --block 0", 2),
         ("--radius angle:90", 2),
         ("--radius angle:1", 1),
