@@ -130,7 +130,7 @@ impl Builder<'_> {
     fn grid(&self, range: &Range<usize>, depth: u8, half_octaves: u8) -> Vec<(u64, u32)> {
         let (bits, n) = (LEVELS - depth as u32, along(self.options, half_octaves) as u64);
         let cell = |code: u64| {
-            let [x, y, z] = axes(code).map(|v| (v & ((1 << bits) - 1)) * n >> bits);
+            let [x, y, z] = axes(code).map(|v| ((v & ((1 << bits) - 1)) * n) >> bits);
             (z * n + y) * n + x
         };
         let mut cells: Vec<(u64, u32)> = (0..).zip(&self.places[range.clone()]).map(|(i, p)| (cell(p.0), i)).collect();
