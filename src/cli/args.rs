@@ -10,7 +10,7 @@ use super::bench::args::BenchArgs;
 use super::camera::Named;
 use super::fly::args::FlyArgs;
 use super::offscreen::DeviceArgs;
-use super::parse::{self, Input, Orbit, Radius};
+use super::parse::{self, Input, MAX_POINTS, Orbit, Radius};
 use surfel::standalone::Layers;
 use surfel::structure::groups::Relax;
 use surfel::structure::layered::{Normals, Sampling};
@@ -278,6 +278,9 @@ pub struct RenderArgs {
     /// For --structure layered: most samples; the threshold grows until they suffice.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u32::MAX as u64))]
     pub points: Option<u64>,
+    /// Draws so many points spread evenly over the faces, in place of the vertices: for one input with faces.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MAX_POINTS as i64))]
+    pub samples: Option<u32>,
     /// Writes what the frames did and took.
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,

@@ -14,9 +14,9 @@ use super::camera::Pose;
 use super::layered::Model;
 use super::progress::Progress;
 use super::report::Report;
-use super::scene::{self, Scene, Source};
+use super::scene::{self, A_SAMPLE, Scene, Source};
 use super::scene_file::Placed;
-use super::{Outcome, frames, look, memory, offscreen, output, structure};
+use super::{Outcome, Usage, frames, input, look, memory, offscreen, output, structure};
 
 /// Renders. What can be refused is refused before anything long begins: usage, outputs, device, size, then the files.
 pub fn run(args: &RenderArgs) -> Result<Outcome> {
@@ -33,6 +33,13 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     let outputs: Vec<&Path> = std::iter::once(&args.picture.output).chain(&args.stats).map(PathBuf::as_path).collect();
     let source = Source::new(&args.picture.inputs, args.picture.structure.storage, &outputs)?;
     structure::check(&args.picture.structure, &technique, source.inputs.len())?;
+    if let Some(points) = args.samples {
+        if matches!(technique.structure, Structure::Hybrid | Structure::Layered) {
+            let what = technique.structure;
+            return Err(Usage(format!("--samples draws points in place of faces: not for --structure {what}")).into());
+        }
+        memory::ensure(&format!("--samples {points}"), points as u64 * A_SAMPLE)?;
+    }
 
     let draw = |device, offscreen: &mut Offscreen| picture(args, source, pose, technique, device, offscreen);
     let (mut report, messages) = offscreen::with(&args.on, args.picture.view.size, float, draw)?;
@@ -64,6 +71,11 @@ fn picture(
     let style = look::style(&args.picture.technique, &args.picture.look, scene.shade);
     let (points_input, mut assumed) = (scene.points_input, std::mem::take(&mut scene.assumed));
     let placed = std::mem::take(&mut scene.instances);
+    if let Some(points) = args.samples {
+        let sampled = scene.sampled(points, &args.picture.look, &progress)?;
+        assumed.extend(input::sentences(std::slice::from_ref(&sampled)).into_iter().filter(|s| s.contains("sampled")));
+        scene.clouds = vec![sampled];
+    }
     let (clouds, said) = match &model {
         None => structure::build(scene.pack(), &args.picture.structure, &technique, &view, &progress)?,
         Some(model) => {

@@ -94,24 +94,13 @@ pub fn level(
     let step = progress.step(format!("structure {structure}"), 1);
     let octree = |preset| {
         let options = octree::Options { block: args.block, ..octree::Options::new(preset) };
-        let tree = match args.tree.as_deref().filter(|path| path.exists()) {
-            Some(path) => {
-                let kept = Octree::load(path)?;
-                if !kept.is_of(flat, &options) {
-                    bail!("{}: holds the octree of another cloud, or one made with other options", path.display());
-                }
-                kept
-            }
-            None => {
-                let made = Octree::build(flat, &options);
-                args.tree.as_deref().map_or(Ok(()), |path| made.save(path))?;
-                made
-            }
-        };
+        let made = || Octree::build(flat, &options);
+        let tree = once(args, "octree", Octree::load, |tree| tree.is_of(flat, &options), made, Octree::save)?;
         let mut tree = tree.packed(args.packing);
         if let Some(relax) = relax {
-            let levels = tree.levels();
-            tree.flat.groups = Some(Groups::color_where(&tree.flat, relax, |a, b| levels[a].abs_diff(levels[b]) <= 1)?);
+            let (levels, octave) = (tree.levels(), tree.octave());
+            let together = |a: usize, b: usize| levels[a].abs_diff(levels[b]) <= octave;
+            tree.flat.groups = Some(Groups::color_where(&tree.flat, relax, together)?);
         }
         anyhow::Ok((tree.bytes(), tree.moved, Cloud::from(Arc::new(tree))))
     };
@@ -134,26 +123,17 @@ pub fn level(
         let Some(mesh) = mesh.filter(|mesh| !mesh.triangles.is_empty()) else {
             bail!("--structure hybrid: an input has no faces");
         };
-        let mut hybrid = Hybrid::build(flat, mesh, &options(args.error, blocks)).packed(args.packing);
+        let options = options(args.error, blocks);
+        let made = || Hybrid::build(flat, mesh, &options);
+        let fits = |hybrid: &Hybrid| hybrid.is_of(flat, mesh, &options);
+        let mut hybrid = once(args, "hybrid", Hybrid::load, fits, made, Hybrid::save)?.packed(args.packing);
         grouped(&mut hybrid.tree)?;
         anyhow::Ok((hybrid.bytes(), 0.0, Cloud::from(Arc::new(hybrid))))
     };
     let tree = |rule, blocks| {
         let options = options(rule, blocks);
-        let tree = match args.tree.as_deref().filter(|path| path.exists()) {
-            Some(path) => {
-                let kept = Sequential::load(path)?;
-                if !kept.is_of(flat, &options) {
-                    bail!("{}: holds the tree of another cloud, or one made with other options", path.display());
-                }
-                kept
-            }
-            None => {
-                let made = Sequential::build(flat, &options);
-                args.tree.as_deref().map_or(Ok(()), |path| made.save(path))?;
-                made
-            }
-        };
+        let made = || Sequential::build(flat, &options);
+        let tree = once(args, "tree", Sequential::load, |tree| tree.is_of(flat, &options), made, Sequential::save)?;
         let mut tree = tree.packed(args.packing);
         grouped(&mut tree)?;
         anyhow::Ok((tree.bytes(), 0.0, Cloud::from(Arc::new(tree))))
@@ -178,6 +158,28 @@ pub fn level(
         said += &format!(", points moved by at most {moved}");
     }
     Ok((cloud, said))
+}
+
+/// What the file of `--tree` holds; made and written there where there is none.
+fn once<T>(
+    args: &LevelArgs,
+    what: &str,
+    load: impl Fn(&Path) -> surfel::Result<T>,
+    fits: impl Fn(&T) -> bool,
+    made: impl Fn() -> T,
+    save: impl Fn(&T, &Path) -> surfel::Result<()>,
+) -> Result<T> {
+    let Some(path) = &args.tree else { return Ok(made()) };
+    if !path.exists() {
+        let made = made();
+        save(&made, path)?;
+        return Ok(made);
+    }
+    let kept = load(path)?;
+    if !fits(&kept) {
+        bail!("{}: holds the {what} of another cloud, or one made with other options", path.display());
+    }
+    Ok(kept)
 }
 
 /// In fewer bytes a point.

@@ -43,3 +43,35 @@ impl Cube {
         spread(place(p.x, self.low.x)) | spread(place(p.y, self.low.y)) << 1 | spread(place(p.z, self.low.z)) << 2
     }
 }
+
+/// Places along x, y and z of a code: the bits that [`Cube::code`] interleaved.
+pub fn axes(code: u64) -> [u64; 3] {
+    [0, 1, 2].map(|axis| {
+        // Gathers every third bit: the steps of `code`, backwards.
+        let mut x = code >> axis & 0x1249_2492_4924_9249;
+        for (shift, mask) in [
+            (2, 0x10c3_0c30_c30c_30c3),
+            (4, 0x100f_00f0_0f00_f00f),
+            (8, 0x001f_0000_ff00_00ff),
+            (16, 0x001f_0000_0000_ffff),
+            (32, 0x0000_0000_001f_ffff),
+        ] {
+            x = (x | x >> shift) & mask;
+        }
+        x
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_are_what_was_interleaved() {
+        let cube = Cube { low: Vec3::ZERO, side: (1 << LEVELS) as f32 };
+        for place in [[0, 0, 0], [1, 2, 3], [0x1f_ffff, 0, 0x15_5555], [0x0a_aaaa, 0x1f_ffff, 0x10_0001]] {
+            let p = Vec3::from_array(place.map(|v: u32| v as f32));
+            assert_eq!(axes(cube.code(p)), place.map(u64::from));
+        }
+    }
+}

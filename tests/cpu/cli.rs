@@ -149,7 +149,8 @@ fn the_reference_needs_no_device() {
 fn help_names_every_option() {
     let help = stdout(&surfel(&["render", "--help"]));
     let options = "size structure blend threshold orbit eye target view up fov background shade color radius primitive ellipse \
-                   tolerance frames warmup stats device validate selection interval error clusters block tree packing scanner";
+                   tolerance frames warmup stats device validate selection interval error clusters block tree packing scanner \
+                   samples";
     for option in options.split_whitespace() {
         assert!(help.contains(&format!("--{option}")), "{option}");
     }

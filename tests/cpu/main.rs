@@ -21,6 +21,7 @@ mod http_nginx;
 mod hybrid;
 #[path = "../common/hybrid.rs"]
 mod hybrid_common;
+mod hybrid_file;
 #[path = "../common/golden.rs"]
 mod kept;
 mod layered;
@@ -45,6 +46,7 @@ mod load_synthetic;
 mod nginx;
 mod octree;
 mod octree_file;
+mod octree_levels;
 mod packing;
 mod reference_blends;
 mod reference_common;

@@ -33,7 +33,7 @@ fn flat(points: impl IntoIterator<Item = DVec3>, radius: f32) -> Flat {
 }
 
 /// A bumpy sphere, denser at one side, and some points in the air.
-fn scan(n: usize, seed: u64) -> Flat {
+pub fn scan(n: usize, seed: u64) -> Flat {
     let mut random = Random(seed);
     let surface = |random: &mut Random| {
         let p = (random.vector() + dvec3(0.4, 0.0, 0.0)).normalize();
@@ -132,6 +132,28 @@ fn what_stands_for_others_is_as_large_as_their_spacing() {
         // VBOsR has only whole blocks and what stands for one.
         assert!(preset == Preset::VboR || !least.is_empty(), "{preset}");
         assert!(least.iter().all(|l| (*l as f64) <= spacing && *l as f64 > spacing / 20.0), "{preset}: {least:?}");
+    }
+}
+
+#[test]
+fn what_stands_for_others_covers_what_they_covered() {
+    // In a sparse region a cell may hold two points that lie near each other, and be far smaller than what they cover.
+    let places = (0..2000).map(|i| dvec3((i / 2 % 40) as f64, (i / 80) as f64, 0.01 * (i % 2) as f64));
+    let cloud = flat(places, 1.0);
+    for preset in PRESETS {
+        let octree = Octree::build(&cloud, &options(preset));
+        let mut averaged = 0;
+        for threshold in [0.5, 1.0, 4.0, 30.0] {
+            let list = drawn(&octree, &sight(dvec3(20.0, 12.0, 60.0), dvec3(20.0, 12.1, 0.0), threshold));
+            for span in &list.spans {
+                for i in span.first..span.first + span.count {
+                    let radius = octree.flat.geometry[i as usize][3].max(span.least);
+                    assert!(radius >= 1.0, "{preset}, {threshold} px: {radius} after {}", span.least);
+                }
+            }
+            averaged += (list.submitted() == 1000 && list.spans.iter().all(|s| s.least < 0.5)) as u32;
+        }
+        assert!(preset != Preset::Espt || averaged > 0, "pairs are one point");
     }
 }
 

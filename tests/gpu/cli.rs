@@ -9,12 +9,12 @@ use serde_json::Value;
 use crate::common::data;
 use crate::folder::Folder;
 
-fn stderr(output: &Output) -> String {
+pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// Small and with the layers on, so that code 0 also says that they were silent.
-fn render(inputs: &[&str], out: &str, more: &[&str]) -> Output {
+pub fn render(inputs: &[&str], out: &str, more: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_surfel"));
     command.arg("render").args(inputs).args(["-o", out, "--frames", "2", "--validate"]).args(more);
     if !more.contains(&"--size") {
@@ -172,38 +172,6 @@ fn groups_are_made_once() {
 }
 
 #[test]
-fn trees_are_made_once() {
-    made_once("sequential", &["--error", "diameter"], "a.tree: holds the tree of");
-}
-
-#[test]
-fn octrees_are_made_once() {
-    made_once("mospt", &["--block", "500"], "a.tree: holds the octree of");
-}
-
-fn made_once(structure: &str, other: &[&str], named: &str) {
-    let folder = Folder::new(&format!("render-{structure}"));
-    let (out, again, kept) = (folder.path("a.png"), folder.path("b.png"), folder.path("a.tree"));
-    let with = |out: &str, more: &[&str]| {
-        let more = [&["--structure", structure, "--threshold", "2", "--tree", &kept], more].concat();
-        render(&["scene:torus:3k"], out, &more)
-    };
-    for out in [&out, &again] {
-        let done = with(out, &[]);
-        assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
-    }
-    assert!(fs::read(&out).unwrap() == fs::read(&again).unwrap(), "what is read is what was made");
-    // Of other options, or of another cloud: a line that names the file, which stays as it is.
-    let before = fs::read(&kept).unwrap();
-    let other = with(&out, other);
-    assert!(other.status.code() == Some(1) && stderr(&other).contains(named), "{}", stderr(&other));
-    assert_eq!(fs::read(&kept).unwrap(), before);
-    fs::write(&kept, &before[..before.len() / 2]).unwrap();
-    let cut = with(&out, &[]);
-    assert!(cut.status.code() == Some(1) && stderr(&cut).contains("a.tree at byte"), "{}", stderr(&cut));
-}
-
-#[test]
 fn packed_points_look_the_same() {
     let folder = Folder::new("render-packing");
     let json = folder.path("a.json");
@@ -260,6 +228,8 @@ fn what_makes_no_sense_for_a_blend_is_refused() {
         ("--packing tight", 2),
         ("--structure espt --blend groups --groups a.groups", 2),
         ("--structure sequential --error cell", 2),
+        ("--structure hybrid --samples 9", 2),
+        ("--samples 0", 2),
         ("--structure espt --block 0", 2),
         ("--radius angle:90", 2),
         ("--radius angle:1", 1),

@@ -4,6 +4,7 @@ mod against_reference;
 mod bench;
 mod canary;
 mod cli;
+mod cli_structures;
 #[path = "../common/mod.rs"]
 mod common;
 mod fly;

@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use glam::DMat4;
 use serde_json::{Value, json};
 
 use surfel::ash::vk;
-use surfel::load::{self, Mesh, PointCloud};
+use surfel::load::{Mesh, PointCloud};
 use surfel::measure::{self, Image};
 use surfel::select::View;
 use surfel::standalone::{DeviceInfo, Offscreen, Options, Shot, Standalone, stress};
@@ -21,7 +21,7 @@ use surfel::{FrameStats, Instance};
 
 use super::super::parse::{Input, Radius};
 use super::super::progress::Progress;
-use super::super::scene::{self, Scene};
+use super::super::scene::{self, A_SAMPLE, Scene};
 use super::super::{Usage, compare, frames, look, memory, output, structure};
 use super::args::SweepArgs;
 use super::ceiling::{self, Ceiling};
@@ -33,10 +33,9 @@ use super::truth::{self, Source};
 /// Counted as different: more than this, of 255.
 const TOLERANCE: u8 = 1;
 
-/// Bytes of memory that a pixel and a sample of the faces take at their peak, on a device that is the processor: between
-/// pictures of 1024 × 1024 and 2048 × 2048 px 318 more a pixel, between 100 k and 2 M samples 287 more a sample.
+/// Bytes of memory that a pixel takes at its peak, on a device that is the processor: between pictures of 1024 × 1024 and
+/// 2048 × 2048 px 318 more a pixel.
 const A_PIXEL: u64 = 320;
-const A_SAMPLE: u64 = 290;
 
 /// What came out.
 pub struct Sweep {
@@ -288,13 +287,7 @@ impl Bench<'_> {
 
     /// The faces, sampled `n` times.
     fn sampled(&self, scene: &Scene, n: u32) -> Result<Vec<Arc<Flat>>> {
-        let _step = self.progress.step(format!("{n} samples"), 1);
-        let [cloud] = scene.clouds.as_slice() else { bail!("--samples: more than one cloud in an input") };
-        if cloud.mesh.as_ref().is_none_or(|m| m.triangles.is_empty()) {
-            bail!("--samples: the input has no faces");
-        }
-        let mut sampled = load::sample_mesh(cloud, n as usize, 1);
-        scene.finish(&mut sampled, &self.args.look, self.progress);
+        let sampled = scene.sampled(n, &self.args.look, self.progress)?;
         Ok(vec![Arc::new(Flat::new(&sampled))])
     }
 

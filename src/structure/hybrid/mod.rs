@@ -12,9 +12,11 @@
 //! corner's disk, at most ρ away. The corner's error is at most s − τ_max ρ ≤ τ r − τ ρ, and it is at least r − ρ from the eye: it
 //! passes, so that it or what stands for it is drawn. For larger τ a strip of at most ρ (1 − τ_max / τ) may be left open.
 
+mod file;
 mod triangles;
 
 use crate::load::Mesh;
+use crate::structure::file::Fnv;
 use crate::structure::{Flat, Packing, Sequential, sequential};
 
 pub use triangles::Triangles;
@@ -26,6 +28,15 @@ pub struct Hybrid {
     pub tree: Sequential,
     /// The faces, by place and size.
     pub triangles: Triangles,
+    /// Fingerprint of the faces that it was made of.
+    pub mesh: u64,
+}
+
+/// Changes with the faces and their order.
+fn fingerprint(mesh: &Mesh) -> u64 {
+    let mut hash = Fnv::NEW;
+    hash.add(bytemuck::cast_slice(&mesh.triangles));
+    hash.0
 }
 
 impl Hybrid {
@@ -47,7 +58,13 @@ impl Hybrid {
             *error = if *error < f32::INFINITY { *error - options.tau_max * point[3] } else { 0.0 };
         }
         let tree = Sequential::under(flat, options, &errors);
-        Hybrid { tree, triangles: Triangles::new(flat.clone(), &mesh.triangles, &sizes) }
+        Hybrid { tree, triangles: Triangles::new(flat.clone(), &mesh.triangles, &sizes), mesh: fingerprint(mesh) }
+    }
+
+    /// Whether it is what [`build`](Self::build) makes of this mesh over this cloud with these options: for what was
+    /// [loaded](Self::load).
+    pub fn is_of(&self, flat: &Flat, mesh: &Mesh, options: &sequential::Options) -> bool {
+        self.tree.is_of(flat, options) && self.mesh == fingerprint(mesh)
     }
 
     /// The same over [packed](Flat::packed) points. Faces stay as they are.

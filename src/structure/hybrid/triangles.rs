@@ -59,29 +59,52 @@ impl Triangles {
         });
         places.retain(|&(_, i)| sizes[i as usize] > 0.0);
         par::sort(&mut places);
-        let mut out = Triangles { corners: vec![], sizes: vec![], blocks: vec![], vertices: Flat::default() };
+        let (mut sorted_corners, mut sorted_sizes) = (Vec::new(), Vec::new());
         for run in places.chunks(BLOCK) {
             // Bits of floats from 0 are in their order; ties by number.
             let mut sorted: Vec<(u32, u32)> = run.iter().map(|&(_, i)| (!sizes[i as usize].to_bits(), i)).collect();
             sorted.sort_unstable();
-            let first = out.corners.len() as u32;
-            let (min, max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-            let mut block = Block { first, count: run.len() as u32, min, max, radius: 0.0 };
             for (size, i) in sorted {
                 let face = &faces[i as usize];
                 let [p, q, r] = of(face);
-                for corner in [p, q, r] {
-                    (block.min, block.max) = (block.min.min(corner), block.max.max(corner));
-                }
                 let [a, b, c] = *face;
                 let turned = outside(face).dot((q - p).cross(r - p)) < 0.0;
-                out.corners.push(if turned { [a, c, b] } else { *face });
-                out.sizes.push(f32::from_bits(!size));
+                sorted_corners.push(if turned { [a, c, b] } else { *face });
+                sorted_sizes.push(f32::from_bits(!size));
             }
-            out.blocks.push(block);
         }
-        out.vertices = vertices;
-        out
+        Triangles::sorted(vertices, sorted_corners, sorted_sizes)
+    }
+
+    /// Of faces in their order.
+    fn sorted(vertices: Flat, corners: Vec<[u32; 3]>, sizes: Vec<f32>) -> Triangles {
+        let block = |(number, run): (usize, &[[u32; 3]])| {
+            let (min, max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+            let (first, count) = ((number * BLOCK) as u32, run.len() as u32);
+            let corners = run.iter().flatten().map(|&i| vertices.position(i));
+            let grow = |b: Block, p: Vec3| Block { min: b.min.min(p), max: b.max.max(p), ..b };
+            corners.fold(Block { first, count, min, max, radius: 0.0 }, grow)
+        };
+        let blocks = corners.chunks(BLOCK).enumerate().map(block).collect();
+        Triangles { vertices, corners, sizes, blocks }
+    }
+
+    /// Of what was stored, if it can have been: a face where it cannot, and why not.
+    pub(super) fn stored(
+        vertices: Flat,
+        corners: Vec<[u32; 3]>,
+        sizes: Vec<f32>,
+    ) -> Result<Triangles, (usize, &'static str)> {
+        if let Some(i) = corners.iter().position(|face| face.iter().any(|&i| i as usize >= vertices.len())) {
+            return Err((i, "a face with a corner beyond the last point"));
+        }
+        for (number, run) in sizes.chunks(BLOCK).enumerate() {
+            let falls = |i: usize| run[i] > 0.0 && run[i] < f32::INFINITY && (i == 0 || run[i] <= run[i - 1]);
+            if let Some(i) = (0..run.len()).find(|i| !falls(*i)) {
+                return Err((number * BLOCK + i, "a face whose size is none, or larger than that before it"));
+            }
+        }
+        Ok(Triangles::sorted(vertices, corners, sizes))
     }
 
     /// Number of faces.

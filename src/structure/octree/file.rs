@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::{Block, Cell, Octree, Options, Preset, Run};
+use super::{Block, Cell, Octree, Options, Preset, Run, grids, levels_a_depth};
 use crate::error::{Error, Place, Result};
 use crate::structure::Flat;
 use crate::structure::file::{Header, Input, Output, flags, load, save};
@@ -13,7 +13,7 @@ use crate::structure::morton::LEVELS;
 use crate::structure::nodes::NONE;
 
 const MAGIC: &[u8; 8] = b"surfelOC";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Words of the header.
 const HEADER: usize = 14;
 /// Words of a cell.
@@ -101,8 +101,9 @@ impl Octree {
         if sides.len() > LEVELS as usize + 1 {
             return Err(bad(56, "more levels than a cell can be halved"));
         }
+        let levels = levels_a_depth(preset) as u32 * sides.len() as u32;
         let halves = runs.iter().map(|&[a, b, c, d, e, f, g, h]| [[a, b, c, d], [e, f, g, h]]);
-        if let Some(i) = halves.clone().flatten().position(|run| !fits(run, &ends, sides.len() as u32, n)) {
+        if let Some(i) = halves.clone().flatten().position(|run| !fits(run, &ends, levels, n)) {
             return Err(bad(runs_at + 16 * i as u64, "a run of points or levels that are not there"));
         }
         // Every block draws points.
@@ -129,10 +130,12 @@ impl Octree {
         if loose as u64 > n {
             return Err(bad(32, "more points in no cell than there are"));
         }
+        let options = Options { preset, block, r };
+        let deepest = sides.len().saturating_sub(1) as u8;
         Ok(Octree {
             flat: Flat { finest: (finest < f32::INFINITY).then_some(finest), ..flat },
             preset,
-            options: Options { preset, block, r },
+            options,
             cloud,
             cells: cells.iter().map(Cell::from_words).collect(),
             points,
@@ -144,6 +147,7 @@ impl Octree {
                 .collect(),
             ends,
             sides,
+            grids: grids(&options, deepest),
         })
     }
 
@@ -159,8 +163,8 @@ impl Octree {
 }
 
 /// Whether a run's levels are in the table, grow, and end with points that there are.
-fn fits([first, base, table, levels]: [u32; 4], ends: &[u32], sides: u32, n: u64) -> bool {
+fn fits([first, base, table, levels]: [u32; 4], ends: &[u32], most: u32, n: u64) -> bool {
     let Some(own) = ends.get(table as usize..).and_then(|ends| ends.get(..levels as usize)) else { return false };
     let end = own.last().copied().unwrap_or(0);
-    base as u64 + levels as u64 <= sides as u64 && own.is_sorted() && first as u64 + end as u64 <= n
+    base as u64 + levels as u64 <= most as u64 && own.is_sorted() && first as u64 + end as u64 <= n
 }

@@ -3,19 +3,30 @@
 //!
 //! A cell of side s may be one point where s ≤ τ · distance: projected spacing against the threshold. Cells that hold more
 //! than a block's points are *inner*; the others are *blocks*, drawn at one level each, the coarsest that suffices for
-//! their nearest point. What is drawn at a level gets at least its side as radius: a point a cell lies that far apart.
+//! their nearest point. What is drawn at a level gets at least its side as radius: a point a cell lies that far apart. An average is
+//! also as large as the largest of its points: where cells are smaller than the spacing, two that lie near each other still reach to
+//! the next.
 //!
 //! | preset | a block holds | drawn at level L |
 //! |---|---|---|
 //! | VBOsR (4.1) | the points | all |
-//! | ESPTs (4.3) | averages by level, and the points by the level at which their cell holds no other | the averages of L, the points up to L |
+//! | ESPTs (4.3) | averages by level, and the points by the level from which on their cell holds no other | the averages of L, the points up to L |
 //! | MOSPTs (4.4) | the points alone: the one nearest a cell's centre stands for it | the points up to L |
 //! | r-grid (3.2) | as ESPTs, with r³ children a cell and every point at its cell's centre | as ESPTs |
 //!
+//! *Half octaves* (ESPTs). Halving cells alone, those of the coarsest level that suffices are between τ d / 2 and τ d long, which is
+//! 3 / ln 4 = 2.16 times the points on a surface that cells of τ d would take. So between two of the octree's levels, k and k + 1
+//! below a block, lies a grid of round(2ᵏ √2) cells along the block's edge, 3, 6, 11, 23 …: 1 / ln 2 = 1.44 times. Such cells do not nest: a
+//! point may be alone in one and not in a finer one. Its level is the first from which on it is alone for good, so that what is drawn
+//! up to a level is a prefix; until then an average stands for it, if need be of it alone. At every level each point is thus
+//! drawn or averaged once. Where few points share cells there is no such grid: it would save less than it takes.
+//!
 //! OneVBO is the flat array; OneSPT and SPTsR (3.3, 4.2) are tested point by point, see [`super::sequential`].
 
+mod average;
 mod build;
 mod file;
+mod levels;
 
 use glam::Vec3;
 
@@ -81,8 +92,10 @@ pub struct Octree {
     blocks: Vec<Block>,
     /// Ends of levels in the runs of blocks, counted from the run's start.
     ends: Vec<u32>,
-    /// Side of the cells of each level.
+    /// Side of the cells of each depth.
     sides: Vec<f32>,
+    /// Cells along the edge of a block, by levels below its own.
+    grids: Vec<f64>,
 }
 
 /// A cell with points.
@@ -109,6 +122,25 @@ pub struct Cell {
 struct Block {
     points: Run,
     averages: Run,
+}
+
+/// Levels from a cell to its children. The grid of a level in between is none of the octree's.
+fn levels_a_depth(preset: Preset) -> u8 {
+    if preset == Preset::Espt { 2 } else { 1 }
+}
+
+/// Cells along the edge of a block, so many levels below its own.
+fn along(options: &Options, levels: u8) -> f64 {
+    match options.preset {
+        Preset::Espt => (0.5 * levels as f64).exp2().round(),
+        Preset::RGrid => ((options.r.clamp(2, 8).ilog2() * levels as u32) as f64).exp2(),
+        Preset::VboR | Preset::Mospt => (levels as f64).exp2(),
+    }
+}
+
+/// For all levels that there may be.
+fn grids(options: &Options, deepest: u8) -> Vec<f64> {
+    (0..=levels_a_depth(options.preset) * deepest).map(|levels| along(options, levels)).collect()
 }
 
 /// Consecutive points sorted by level.
@@ -152,27 +184,38 @@ impl Octree {
                 at += 1;
                 continue;
             } else {
-                self.block(&self.blocks[cell.block as usize], spacing, &mut push);
+                self.block(&self.blocks[cell.block as usize], cell.level, spacing, &mut push);
             }
             at = next;
         }
     }
 
-    fn block(&self, block: &Block, spacing: f64, push: &mut impl FnMut(u32, u32, f32)) {
+    /// Adds a block at a depth, at the coarsest level with that spacing.
+    fn block(&self, block: &Block, depth: u8, spacing: f64, push: &mut impl FnMut(u32, u32, f32)) {
         let Run { first, base, levels, .. } = block.points;
-        let deepest = base + levels - 1;
-        let level = self.sides.partition_point(|side| *side as f64 > spacing) as u8;
-        if level >= deepest {
-            push(first, self.up_to(&block.points, deepest), 0.0);
+        let (averages, deepest) = (&block.averages, base + levels - 1);
+        let (side, own) = (self.sides[depth as usize] as f64, self.octave() * depth);
+        let coarsest = self.grids.partition_point(|along| side > spacing * along);
+        for (level, along) in (own + coarsest as u8..deepest).zip(&self.grids[coarsest..]) {
+            let least = (side / along) as f32;
+            if averages.levels > 0 {
+                let before = level.checked_sub(1).map_or(0, |above| self.up_to(averages, above));
+                let count = self.up_to(averages, level) - before;
+                if count == 0 {
+                    // No such grid: above the deepest level one has points that share cells.
+                    continue;
+                }
+                push(averages.first + before, count, least);
+            }
+            push(first, self.up_to(&block.points, level), least);
             return;
         }
-        let side = self.sides[level as usize];
-        let averages = &block.averages;
-        if averages.levels > 0 && level >= averages.base {
-            let before = if level == averages.base { 0 } else { self.up_to(averages, level - 1) };
-            push(averages.first + before, self.up_to(averages, level) - before, side);
-        }
-        push(first, self.up_to(&block.points, level), side);
+        push(first, self.up_to(&block.points, deepest), 0.0);
+    }
+
+    /// Levels from a cell to its children: 2 for ESPTs, whose levels are half octaves, else 1.
+    pub fn octave(&self) -> u8 {
+        levels_a_depth(self.preset)
     }
 
     /// Number of points of a run up to a level.
@@ -183,12 +226,12 @@ impl Octree {
         }
     }
 
-    /// Level of each point; 0 where there is none.
+    /// Level of each point; 0 where there is none. Cells of depth d are level [`octave`](Self::octave) · d.
     pub fn levels(&self) -> Vec<u8> {
         let mut levels = vec![0; self.flat.len()];
         if self.preset != Preset::Mospt {
             // Averages of whole cells. Of MOSPTs one of the block's own points stands for them.
-            self.cells.iter().for_each(|cell| levels[cell.represented_by as usize] = cell.level);
+            self.cells.iter().for_each(|cell| levels[cell.represented_by as usize] = self.octave() * cell.level);
         }
         for run in self.blocks.iter().flat_map(|block| [block.averages, block.points]) {
             for level in run.base..run.base + run.levels {
@@ -218,7 +261,7 @@ impl Octree {
                 cell.reach = cell.reach.max(r * own);
             };
             if let Some(block) = self.blocks.get(cell.block as usize) {
-                // Averages are as large as their spacing, which selection allows for anyway.
+                // Averages are as large as their spacing, which selection allows for anyway, or as one of their points.
                 for (run, own) in
                     [(&block.points, 1.0), (&block.averages, 0.0)].into_iter().filter(|(r, _)| r.levels > 0)
                 {

@@ -55,6 +55,12 @@ impl Sequential {
     /// Writes it, as built: what is packed is refused, since it is not what [`is_of`](Self::is_of) would compare.
     pub fn write(&self, to: &mut impl Write) -> std::io::Result<()> {
         let mut out = Output::new(to, &self.flat)?;
+        self.body(&mut out)?;
+        out.finish()
+    }
+
+    /// All but the checksum.
+    pub(in crate::structure) fn body(&self, out: &mut Output<impl Write>) -> std::io::Result<()> {
         out.header(MAGIC, &self.header())?;
         for list in &self.lists {
             out.add(&list.words())?;
@@ -62,8 +68,7 @@ impl Sequential {
         out.add(&self.nodes.nodes)?;
         out.add(&self.nodes.links)?;
         out.points(&self.flat)?;
-        out.add(&self.levels)?;
-        out.finish()
+        out.add(&self.levels)
     }
 
     /// Reads what [`write`](Self::write) wrote. `name` is for errors. See [`is_of`](Self::is_of) for whose it is.
@@ -73,25 +78,68 @@ impl Sequential {
     /// memory than a few times what the file has.
     pub fn read(from: &mut impl Read, name: &Path) -> Result<Sequential> {
         let mut input = Input::new(from, name);
-        let bad = |at: u64, why: &str| Error::data(name, Place::Byte(at), why);
-        let Header { words, origin, cloud } = input.header::<HEADER>(MAGIC, VERSION, "a sequential point tree")?;
-        let [_, flags, rule, tau_max, color_error, lists, nodes, leaves] = words;
-        let entries = leaves as u64 + nodes as u64;
-        let lists_at = input.at();
-        let lists: Vec<[u32; LIST]> = input.items(lists as u64)?;
-        let nodes: Vec<Node> = input.items(nodes as u64)?;
-        let links_at = input.at();
-        let links: Vec<[u32; 2]> = input.items(entries)?;
-        let flat = input.points(flags, origin, entries)?;
-        let levels: Vec<u8> = input.items(entries)?;
+        let body = Body::read(&mut input, None)?;
         input.finish()?;
+        body.tree(name)
+    }
 
-        // What carries its checksum may still be someone else's.
+    /// Writes a file: whole under its name, or not at all.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        save(path, |to| self.write(to))
+    }
+
+    /// Reads a file, as [`read`](Self::read).
+    pub fn load(path: &Path) -> Result<Sequential> {
+        load(path, Sequential::read)
+    }
+}
+
+/// What [`Sequential::body`] wrote, not yet looked at.
+pub(in crate::structure) struct Body {
+    header: Header<HEADER>,
+    lists: Vec<[u32; LIST]>,
+    nodes: Vec<Node>,
+    links: Vec<[u32; 2]>,
+    flat: Flat,
+    levels: Vec<u8>,
+    /// Where the header, the lists and the links begin.
+    at: [u64; 3],
+}
+
+impl Body {
+    /// Reads it. A tree without what is never drawn says how many entries it has.
+    pub fn read(input: &mut Input<impl Read>, entries: Option<u64>) -> Result<Body> {
+        let start = input.at();
+        let header = input.header::<HEADER>(MAGIC, VERSION, "a sequential point tree")?;
+        let [_, flags, _, _, _, lists, nodes, leaves] = header.words;
+        let entries = entries.unwrap_or(leaves as u64 + nodes as u64);
+        let lists_at = input.at();
+        let lists = input.items(lists as u64)?;
+        let nodes = input.items(nodes as u64)?;
+        let links_at = input.at();
+        let links = input.items(entries)?;
+        let flat = input.points(flags, header.origin, entries)?;
+        let levels = input.items(entries)?;
+        Ok(Body { header, lists, nodes, links, flat, levels, at: [start, lists_at, links_at] })
+    }
+
+    /// Points of the cloud that the tree is of.
+    pub fn leaves(&self) -> u32 {
+        let [.., leaves] = self.header.words;
+        leaves
+    }
+
+    /// The tree. What carries its checksum may still be someone else's.
+    pub fn tree(self, name: &Path) -> Result<Sequential> {
+        let Body { header: Header { words, cloud, .. }, lists, nodes, links, flat, levels, at } = self;
+        let [_, flags, rule, tau_max, color_error, _, _, leaves] = words;
+        let ([start, lists_at, links_at], entries) = (at, links.len() as u64);
+        let bad = |at: u64, why: &str| Error::data(name, Place::Byte(at), why);
         let known = ErrorRule::ALL.iter().map(|(_, known)| *known).find(|known| *known as u32 == rule);
-        let rule = known.ok_or_else(|| bad(16, "no such rule"))?;
+        let rule = known.ok_or_else(|| bad(start + 16, "no such rule"))?;
         let (tau_max, color_error) = (f32::from_bits(tau_max), f32::from_bits(color_error));
         if !(tau_max > 0.0 && tau_max <= 0.5) {
-            return Err(bad(20, "tau_max: more than 0, at most 1/2"));
+            return Err(bad(start + 20, "tau_max: more than 0, at most 1/2"));
         }
         if let Some(i) = links.iter().position(|link| link.iter().any(|&n| n != NONE && n as usize >= nodes.len())) {
             return Err(bad(links_at + 8 * i as u64, "a node beyond the last"));
@@ -105,7 +153,7 @@ impl Sequential {
             end += list.count as u64;
         }
         if end != entries || flags >> BLOCKS == 0 && lists.len() > CLUSTERS + 2 {
-            return Err(bad(28, "lists are not those of the entries"));
+            return Err(bad(start + 28, "lists are not those of the entries"));
         }
         let leaves_of = flat.geometry.iter().zip(&links).filter(|(_, link)| link[0] == NONE).map(|(g, _)| g);
         let finest = super::finest(leaves_of);
@@ -128,15 +176,5 @@ impl Sequential {
         };
         tree.index();
         Ok(tree)
-    }
-
-    /// Writes a file: whole under its name, or not at all.
-    pub fn save(&self, path: &Path) -> Result<()> {
-        save(path, |to| self.write(to))
-    }
-
-    /// Reads a file, as [`read`](Self::read).
-    pub fn load(path: &Path) -> Result<Sequential> {
-        load(path, Sequential::read)
     }
 }

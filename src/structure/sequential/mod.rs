@@ -49,6 +49,7 @@ use crate::structure::flat::blocks;
 use crate::structure::nodes::{ErrorRule, NONE, Node, Nodes};
 use crate::structure::{Flat, Packing};
 
+pub(super) use file::Body;
 pub use list::{CLUSTERS, Cone, List};
 use tree::Tree;
 
@@ -396,7 +397,7 @@ impl Entries<'_> {
 }
 
 /// Largest radius of the points.
-fn finest<'a>(points: impl IntoIterator<Item = &'a [f32; 4]>) -> f32 {
+pub(super) fn finest<'a>(points: impl IntoIterator<Item = &'a [f32; 4]>) -> f32 {
     points.into_iter().map(|g| g[3]).filter(|r| r.is_finite()).fold(0.0, f32::max)
 }
 
