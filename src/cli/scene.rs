@@ -102,12 +102,12 @@ impl Scene {
         if look.scanner.is_some() {
             clouds.iter_mut().for_each(|cloud| cloud.viewpoint = look.scanner);
         }
-        if matches!(look.radius, Radius::Angular(_)) && clouds.iter().any(|c| c.viewpoint.is_none()) {
-            bail!("--radius angle:DEG: where the scanner stood is not known (--scanner x,y,z)");
-        }
         if look.radius == Radius::Angular(None) && clouds.iter().any(|c| c.angular_step.is_none()) {
             let why = "--radius angle:auto: the input does not tell the scanner's angular step (--radius angle:DEG)";
             return Err(Usage(why.into()).into());
+        }
+        if matches!(look.radius, Radius::Angular(_)) && clouds.iter().any(|c| c.viewpoint.is_none()) {
+            bail!("--radius angle:DEG: where the scanner stood is not known (--scanner x,y,z)");
         }
         let points_input = clouds.iter().map(|c| c.report.points_in_file).sum();
         let has = Has::of(&clouds);

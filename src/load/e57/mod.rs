@@ -23,7 +23,7 @@ use super::{Options, PointCloud, Report, Source, clean};
 use crate::error::{Error, Place, Result};
 use describe::{Limits, Scan};
 use grid::Grid;
-use packets::Cursor;
+use packets::{Columns, Cursor};
 use pages::Pages;
 #[cfg(feature = "layered")]
 pub(super) use pieces::pieces;
@@ -127,17 +127,26 @@ fn plan<S: Read + Seek>(pages: &mut Pages<S>, scans: &[Scan], total: u64, report
     let mut sample: Vec<DVec3> = Vec::new();
     let mut highest: f64 = 0.0;
     let mut before = 0;
+    let mut look = |scan: &Scan, columns: &Columns| {
+        sample.extend(points::places(scan, columns));
+        if !matches!(scan.color_limits, Limits::Told(_)) {
+            highest = highest.max(points::highest(scan, columns));
+        }
+    };
+    let mut looked = false;
     for scan in scans {
-        let wanted = |first: u64, end: u64| {
-            many * ((before + end).div_ceil(every) - (before + first).div_ceil(every))
-        };
+        let wanted = |first: u64, end: u64| many * ((before + end).div_ceil(every) - (before + first).div_ceil(every));
         packets::survey(pages, scan, wanted, |columns| {
-            sample.extend(points::places(scan, columns));
-            if !matches!(scan.color_limits, Limits::Told(_)) {
-                highest = highest.max(points::highest(scan, columns));
-            }
+            look(scan, columns);
+            looked = true;
         })?;
         before += scan.points;
+    }
+    // Of a few points some values may lie in a packet of their own: then no packet holds a whole point.
+    for scan in scans.iter().take(if looked { 0 } else { PLACES as usize }) {
+        if let Some(columns) = Cursor::new(pages, scan, u64::MAX)?.next(pages, scan, clean::SAMPLE as u64)? {
+            look(scan, &columns);
+        }
     }
     let narrow = scans.iter().all(|s| s.narrow);
     let origin = match sample.is_empty() {
