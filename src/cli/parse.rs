@@ -219,7 +219,9 @@ pub fn radius(text: &str) -> Result<Radius, String> {
             false => Err("points have at most 4096 pixels".into()),
         };
     }
-    Ok(Radius::Value(positive(text).map_err(|_| "auto, a length above 0, scale:FACTOR, angle:DEGREES, angle:auto or px:PIXELS")?))
+    Ok(Radius::Value(
+        positive(text).map_err(|_| "auto, a length above 0, scale:FACTOR, angle:DEGREES, angle:auto or px:PIXELS")?,
+    ))
 }
 
 #[cfg(test)]

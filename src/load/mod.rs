@@ -172,13 +172,8 @@ fn recognise(name: &Path, magic: &[u8]) -> Result<Kind> {
     if magic.starts_with(b"ASTM-E57") {
         return Ok(Kind::E57);
     }
-    let by_content: [(&[u8], &str); 5] = [
-        (b"glTF", "glTF"),
-        (b"# .PCD", "PCD"),
-        (b"VERSION .7", "PCD"),
-        (b"\x1f\x8b", "gzip"),
-        (b"PK\x03\x04", "ZIP"),
-    ];
+    let by_content: [(&[u8], &str); 5] =
+        [(b"glTF", "glTF"), (b"# .PCD", "PCD"), (b"VERSION .7", "PCD"), (b"\x1f\x8b", "gzip"), (b"PK\x03\x04", "ZIP")];
     if let Some((_, what)) = by_content.iter().find(|(start, _)| magic.starts_with(start)) {
         return refuse(format!("{what} is not read yet; {READ}"));
     }

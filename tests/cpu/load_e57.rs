@@ -158,7 +158,8 @@ fn colours_and_intensities_are_scaled_from_their_limits() {
     // Eleven bits that all hold eight.
     let mut narrow = told;
     narrow.color_limits = None;
-    let low = |v: &mut RecordValue| *v = RecordValue::Integer(if let RecordValue::Integer(i) = v { *i % 256 } else { 0 });
+    let low =
+        |v: &mut RecordValue| *v = RecordValue::Integer(if let RecordValue::Integer(i) = v { *i % 256 } else { 0 });
     narrow.points.iter_mut().for_each(|p| p[3..6].iter_mut().for_each(low));
     let cloud = read(&file(&[narrow])).unwrap();
     assert_eq!(cloud.colors.as_ref().unwrap()[..2], [[100, 99, 100], [100, 0, 208]]);
@@ -239,10 +240,8 @@ fn normals_turn_with_their_scan_and_what_only_some_scans_have_is_filled() {
 /// A scanner's grid: range differs from point to point, some are missing.
 fn grid(rows: i64, columns: i64, step: [f64; 2], by_rows: bool) -> Scan {
     let mut fields = xyz(&DOUBLE);
-    fields.extend([
-        field(RecordName::RowIndex, integers(0, rows)),
-        field(RecordName::ColumnIndex, integers(0, columns)),
-    ]);
+    fields
+        .extend([field(RecordName::RowIndex, integers(0, rows)), field(RecordName::ColumnIndex, integers(0, columns))]);
     let mut cells: Vec<(i64, i64)> = (0..columns).flat_map(|c| (0..rows).map(move |r| (r, c))).collect();
     if by_rows {
         cells.sort();

@@ -112,7 +112,8 @@ pub(super) fn scans<S: Read + Seek>(header: &Header, pages: &mut Pages<S>) -> Re
     let mut said = Vec::new();
     let mut scans = Vec::new();
     for (number, described) in described.iter().enumerate().filter(|(_, d)| d.records > 0) {
-        let scan = scan(described, &mut said).map_err(|why| Error::data(&file, Place::Element("scan", number as u64), why));
+        let scan =
+            scan(described, &mut said).map_err(|why| Error::data(&file, Place::Element("scan", number as u64), why));
         scans.push(scan?);
     }
     room(&file, &scans, pages.len())?;

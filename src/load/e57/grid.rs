@@ -30,9 +30,7 @@ impl Grid {
             return;
         }
         let [across, along] = &mut self.angles;
-        for (last, of, at, angles) in
-            [(&mut self.rows, row, column, across), (&mut self.columns, column, row, along)]
-        {
+        for (last, of, at, angles) in [(&mut self.rows, row, column, across), (&mut self.columns, column, row, along)] {
             if let Some((before, q)) = last.insert(of, (at, p))
                 && at.abs_diff(before) == 1
             {

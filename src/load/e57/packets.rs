@@ -17,7 +17,11 @@ pub(super) enum Kind {
     Single,
     Double,
     /// An unsigned number above `min`; the value is that times `scale` plus `offset`.
-    Integer { min: i64, scale: f64, offset: f64 },
+    Integer {
+        min: i64,
+        scale: f64,
+        offset: f64,
+    },
 }
 
 /// What every point has one value of.

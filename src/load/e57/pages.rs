@@ -63,8 +63,7 @@ impl<S: Read + Seek> Pages<S> {
         }
         let xml = (word(24), word(32));
         let count = size / PAGE;
-        let pages =
-            Pages { file: file.to_owned(), source, count, at: 0, buffer: Vec::new(), first: 0, checked: None };
+        let pages = Pages { file: file.to_owned(), source, count, at: 0, buffer: Vec::new(), first: 0, checked: None };
         Ok((Header { xml }, pages))
     }
 
