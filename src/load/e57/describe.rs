@@ -8,13 +8,11 @@ use glam::{DQuat, DVec3};
 
 use super::packets::{Field, Kind};
 use super::pages::{Header, Pages};
+use super::xml;
 use crate::error::{Error, Place, Result};
 
 /// Points that are believed of scans all of whose fields are constant, so that no byte of the file stands for them.
 const ANYWAY: u64 = 1 << 20;
-/// Most bytes of a tag, and most declarations of namespaces: the parser's time and memory grow with their squares.
-const TAG: usize = 4096;
-const NAMESPACES: usize = 1000;
 
 /// Least and greatest value of a scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,10 +95,10 @@ pub(super) fn scans<S: Read + Seek>(header: &Header, pages: &mut Pages<S>) -> Re
     if length > pages.len() - pages.at() {
         return Err(fail(format!("is said to have {length} bytes, which are not there")));
     }
-    let mut xml = vec![0; length as usize];
-    pages.read(&mut xml)?;
-    check(&xml).map_err(|why| fail(why.into()))?;
-    drop(xml);
+    let mut text = vec![0; length as usize];
+    pages.read(&mut text)?;
+    xml::check(&text).map_err(|why| fail(why.into()))?;
+    drop(text);
     let io = |e| Error::io(&file, e);
     pages.source().rewind().map_err(io)?;
     let reader = E57Reader::new(pages.source()).map_err(|e| fail(format!("is not understood: {}", chain(&e))))?;
@@ -127,43 +125,6 @@ fn room(file: &Path, scans: &[Scan], bytes: u64) -> Result<()> {
     if scans.iter().map(bits).sum::<u128>() > u128::from(bytes) * 8 || free > ANYWAY {
         let points = scans.iter().map(|s| s.points).fold(0, u64::saturating_add);
         return Err(Error::data(file, Place::File, format!("{points} points cannot be in {bytes} bytes")));
-    }
-    Ok(())
-}
-
-/// Refuses what would cost the XML parser more than its length: it compares the attributes of a tag with each other, and
-/// copies the namespaces in force.
-fn check(xml: &[u8]) -> Result<(), &'static str> {
-    if xml.windows(5).filter(|w| w == b"xmlns").count() > NAMESPACES {
-        return Err("declares too many namespaces");
-    }
-    let mut rest = xml;
-    while let Some(start) = rest.iter().position(|b| *b == b'<') {
-        rest = &rest[start..];
-        let raw: [(&[u8], &[u8]); 3] = [(b"<!--", b"-->"), (b"<![CDATA[", b"]]>"), (b"<?", b"?>")];
-        let end = match raw.iter().find(|(open, _)| rest.starts_with(open)) {
-            Some((_, close)) => rest.windows(close.len()).position(|w| w == *close).map(|i| i + close.len()),
-            None => {
-                let mut quote = None;
-                let end = rest.iter().take(TAG).position(|b| match quote {
-                    Some(q) => {
-                        quote = quote.filter(|_| *b != q);
-                        false
-                    }
-                    None => {
-                        quote = matches!(*b, b'"' | b'\'').then_some(*b);
-                        *b == b'>'
-                    }
-                });
-                if end.is_none() && rest.len() > TAG {
-                    return Err("has a tag of thousands of bytes");
-                }
-                end.map(|i| i + 1)
-            }
-        };
-        // An end that is missing is the parser's to tell.
-        let Some(end) = end else { break };
-        rest = &rest[end..];
     }
     Ok(())
 }

@@ -13,6 +13,7 @@ mod pages;
 #[cfg(feature = "layered")]
 mod pieces;
 mod points;
+mod xml;
 
 use std::io::{Read, Seek};
 use std::path::Path;
