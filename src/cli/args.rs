@@ -221,8 +221,9 @@ pub struct LookArgs {
     #[arg(long, value_enum)]
     pub color: Option<ColorBy>,
     /// Radius of splats: automatic, a length in the input's unit, a factor on the automatic one, `angle:DEG` for a scanner's
-    /// angular step times the distance from it, or `px:N` for opaque points of N pixels.
-    #[arg(long, value_name = "auto|VALUE|scale:S|angle:DEG|px:N", default_value = "auto", allow_negative_numbers = true, value_parser = parse::radius)]
+    /// angular step times the distance from it (`angle:auto`: the step that the file tells), or `px:N` for opaque points of
+    /// N pixels.
+    #[arg(long, value_name = "auto|VALUE|scale:S|angle:DEG|angle:auto|px:N", default_value = "auto", allow_negative_numbers = true, value_parser = parse::radius)]
     pub radius: Radius,
     /// Where the scanner stood, in the input's coordinates [default: as the file says]: normals are turned to it, and
     /// `--radius angle:DEG` measures from it.
@@ -242,8 +243,8 @@ pub struct LookArgs {
 /// What is drawn into which picture, by whatever draws it.
 #[derive(Debug, Args)]
 pub struct PictureArgs {
-    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`; or one scene
-    /// file (JSON) that draws inputs many times.
+    /// Files (PLY, LAS, LAZ, E57), or `scene:NAME[:POINTS[:SEED]]` for a scene from formulas, such as `scene:demo`; or one
+    /// scene file (JSON) that draws inputs many times.
     #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
     pub inputs: Vec<Input>,
     /// The picture to write. EXR has linear light, premultiplied, without background, and the depth along the view (Z).
@@ -314,7 +315,7 @@ pub struct ReferenceArgs {
 /// How a layered point cloud is built.
 #[derive(Debug, Args)]
 pub struct BuildArgs {
-    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]`, that share one world and become one model.
+    /// Files (PLY, LAS, LAZ, E57), or `scene:NAME[:POINTS[:SEED]]`, that share one world and become one model.
     #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
     pub inputs: Vec<Input>,
     /// The model to write. Temporary files lie beside it.

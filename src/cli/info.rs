@@ -101,6 +101,7 @@ fn as_json(name: &str, cloud: &PointCloud, bounds: Option<Bounds>) -> Value {
         "origin": vector(cloud.origin),
         "up": cloud.up.map(|u| vector(u.as_dvec3())),
         "viewpoint": cloud.viewpoint.map(vector),
+        "angular_step": cloud.angular_step,
         "box": bounds.map(|b| json!({"min": vector(b.min), "max": vector(b.max)})),
         "robust_box": bounds.map(|b| json!({"min": vector(b.robust_min), "max": vector(b.robust_max)})),
         "sphere": bounds.map(|b| json!({"center": vector(b.center), "radius": b.radius})),
@@ -129,6 +130,9 @@ fn as_text(name: &str, cloud: &PointCloud, bounds: Option<Bounds>) -> String {
     }
     if let Some(viewpoint) = cloud.viewpoint {
         row("scanner at", vector(viewpoint));
+    }
+    if let Some(step) = cloud.angular_step {
+        row("angular step", format!("{:.4} degrees", step.to_degrees()));
     }
     if let Some(b) = bounds {
         row("box", format!("{} to {}", vector(b.min), vector(b.max)));

@@ -38,8 +38,8 @@ pub enum Radius {
     Value(f32),
     /// A factor on the automatic ones.
     Scale(f32),
-    /// A scanner's angular step \[rad\], times the distance from it.
-    Angular(f32),
+    /// A scanner's angular step \[rad\], times the distance from it; `None`: the step that the file tells.
+    Angular(Option<f32>),
     /// Opaque points of so many pixels.
     Pixels(f32),
 }
@@ -191,7 +191,7 @@ pub fn color(text: &str) -> Result<[u8; 4], String> {
     Ok(if digits.len() == 6 { value << 8 | 0xff } else { value }.to_be_bytes())
 }
 
-/// `auto`, a length, `scale:S`, `angle:DEG` or `px:N`.
+/// `auto`, a length, `scale:S`, `angle:DEG`, `angle:auto` or `px:N`.
 pub fn radius(text: &str) -> Result<Radius, String> {
     let positive = |t: &str| {
         finite(t).map(|v| v as f32).filter(|v| *v > 0.0 && *v < 1e30).ok_or("a radius is a finite number above 0")
@@ -202,10 +202,13 @@ pub fn radius(text: &str) -> Result<Radius, String> {
     if let Some(scale) = text.strip_prefix("scale:") {
         return Ok(Radius::Scale(positive(scale)?));
     }
+    if text == "angle:auto" {
+        return Ok(Radius::Angular(None));
+    }
     if let Some(degrees) = text.strip_prefix("angle:") {
         let degrees = positive(degrees)?;
         return match degrees < 90.0 {
-            true => Ok(Radius::Angular(degrees.to_radians())),
+            true => Ok(Radius::Angular(Some(degrees.to_radians()))),
             false => Err("an angular step is less than 90 degrees".into()),
         };
     }
@@ -216,7 +219,9 @@ pub fn radius(text: &str) -> Result<Radius, String> {
             false => Err("points have at most 4096 pixels".into()),
         };
     }
-    Ok(Radius::Value(positive(text).map_err(|_| "auto, a length above 0, scale:FACTOR, angle:DEGREES or px:PIXELS")?))
+    Ok(Radius::Value(
+        positive(text).map_err(|_| "auto, a length above 0, scale:FACTOR, angle:DEGREES, angle:auto or px:PIXELS")?,
+    ))
 }
 
 #[cfg(test)]

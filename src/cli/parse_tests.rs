@@ -44,7 +44,8 @@ fn radii() {
     assert_eq!(radius("0.5"), Ok(Radius::Value(0.5)));
     assert_eq!(radius("scale:2"), Ok(Radius::Scale(2.0)));
     assert_eq!(radius("angle:180"), Err("an angular step is less than 90 degrees".into()));
-    assert_eq!(radius("angle:0.1"), Ok(Radius::Angular(0.1f32.to_radians())));
+    assert_eq!(radius("angle:0.1"), Ok(Radius::Angular(Some(0.1f32.to_radians()))));
+    assert_eq!(radius("angle:auto"), Ok(Radius::Angular(None)));
     assert_eq!(radius("px:3"), Ok(Radius::Pixels(3.0)));
     for bad in ["", "0", "-1", "nan", "inf", "1e-60", "scale:", "scale:0", "px:0", "px:5000", "px:x"] {
         assert!(radius(bad).is_err(), "{bad:?}");

@@ -106,6 +106,10 @@ impl Scene {
         if look.scanner.is_some() {
             clouds.iter_mut().for_each(|cloud| cloud.viewpoint = look.scanner);
         }
+        if look.radius == Radius::Angular(None) && clouds.iter().any(|c| c.angular_step.is_none()) {
+            let why = "--radius angle:auto: the input does not tell the scanner's angular step (--radius angle:DEG)";
+            return Err(Usage(why.into()).into());
+        }
         if matches!(look.radius, Radius::Angular(_)) && clouds.iter().any(|c| c.viewpoint.is_none()) {
             bail!("--radius angle:DEG: where the scanner stood is not known (--scanner x,y,z)");
         }
@@ -222,7 +226,10 @@ fn complete(cloud: &mut PointCloud, radius: Radius, shade: Shade, by: ColorBy, b
         Radius::Auto => RadiusRule::Auto,
         Radius::Scale(scale) => RadiusRule::Scale(scale),
         Radius::Value(value) => RadiusRule::Value(value),
-        Radius::Angular(step) => RadiusRule::Angular(step),
+        Radius::Angular(step) => match step.or(cloud.angular_step) {
+            Some(step) => RadiusRule::Angular(step),
+            None => RadiusRule::Auto,
+        },
         Radius::Pixels(_) => {
             // The size on the screen is given; the radius only says which points are splats at all.
             let any = (1e-3 * bounds.radius) as f32;

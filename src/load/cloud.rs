@@ -19,16 +19,19 @@ pub struct PointCloud {
     pub colors: Option<Vec<[u8; 3]>>,
     /// Opacity, 0 to 1.
     pub opacity: Option<Vec<f32>>,
-    /// Return strength in the file's own unit, not normalised.
+    /// Return strength in the file's own unit, not normalised; of E57 with limits, 0 to 1 between these.
     pub intensity: Option<Vec<f32>>,
     /// LAS classification codes.
     pub classes: Option<Vec<u8>>,
     /// Triangles over the points.
     pub mesh: Option<Mesh>,
-    /// Which way is up, where the format says so (LAS: +Z).
+    /// Which way is up, where the format says so (LAS and E57: +Z).
     pub up: Option<Vec3>,
     /// Where the scanner stood \[world units\], where the file says so.
     pub viewpoint: Option<DVec3>,
+    /// Angle between neighbours in the scanner's grid, the wider of rows and columns \[rad\], where the file says so. Above 0
+    /// and less than π/2.
+    pub angular_step: Option<f32>,
     /// The surface is closed and all normals point out of it: what faces away is always hidden.
     pub closed: bool,
     /// What was read, dropped and assumed on the way.

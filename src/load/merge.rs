@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use super::{Mesh, PointCloud, Report, clean};
 
 /// What a point without a colour gets beside points that have one.
-const NO_COLOR: [u8; 3] = [190, 190, 190];
+pub(super) const NO_COLOR: [u8; 3] = [190, 190, 190];
 
 /// Joins clouds that share one world frame, in the order given.
 ///
@@ -43,6 +43,7 @@ pub fn merge(mut clouds: Vec<PointCloud>) -> PointCloud {
     out.mesh = joined_mesh(&clouds, total, report);
     out.up = agreed(&clouds, |c| c.up, report, "up directions");
     out.viewpoint = agreed(&clouds, |c| c.viewpoint, report, "viewpoints");
+    out.angular_step = agreed(&clouds, |c| c.angular_step, report, "angular steps");
     out.closed = clouds.iter().all(|c| c.closed);
     let keep: Vec<bool> = out.positions.iter().map(|p| p.is_finite()).collect();
     let far = keep.iter().filter(|k| !**k).count();

@@ -11,6 +11,8 @@ mod bounds;
 mod clean;
 mod cloud;
 mod copies;
+#[cfg(feature = "e57")]
+mod e57;
 #[cfg(feature = "las")]
 mod las;
 mod merge;
@@ -45,7 +47,7 @@ pub struct Options<'a> {
 }
 
 impl Options<'_> {
-    #[cfg(any(feature = "ply", feature = "las"))]
+    #[cfg(any(feature = "ply", feature = "las", feature = "e57"))]
     fn report(&self, done: u64, total: u64) {
         if let Some(progress) = self.progress {
             progress(done, total);
@@ -63,7 +65,7 @@ impl fmt::Debug for Options<'_> {
 trait Source: Read + Seek {}
 impl<T: Read + Seek> Source for T {}
 
-/// Reads the points of a file: PLY (feature `ply`), LAS and LAZ, COPC included (feature `las`).
+/// Reads the points of a file: PLY (feature `ply`), LAS and LAZ, COPC included (feature `las`), E57 (feature `e57`).
 ///
 /// The content decides what it is, not the name.
 ///
@@ -86,6 +88,7 @@ pub fn open(path: &Path, options: &Options) -> Result<PointCloud> {
     match recognise(path, &magic)? {
         Kind::Ply => read_ply(path, &std::fs::read(path).map_err(io)?, options),
         Kind::Las => read_las(path, &mut file, options),
+        Kind::E57 => read_e57(path, &mut file, options),
     }
 }
 
@@ -98,6 +101,7 @@ pub fn read(name: &Path, bytes: &[u8], options: &Options) -> Result<PointCloud> 
     match recognise(name, magic)? {
         Kind::Ply => read_ply(name, bytes, options),
         Kind::Las => read_las(name, &mut Cursor::new(bytes), options),
+        Kind::E57 => read_e57(name, &mut Cursor::new(bytes), options),
     }
 }
 
@@ -121,8 +125,18 @@ fn read_las(name: &Path, _: &mut dyn Source, _: &Options) -> Result<PointCloud> 
     Err(Error::Unsupported(format!("{}: this build reads no LAS or LAZ (feature `las`)", name.display())))
 }
 
+#[cfg(feature = "e57")]
+fn read_e57(name: &Path, source: &mut dyn Source, options: &Options) -> Result<PointCloud> {
+    e57::read(name, source, options)
+}
+
+#[cfg(not(feature = "e57"))]
+fn read_e57(name: &Path, _: &mut dyn Source, _: &Options) -> Result<PointCloud> {
+    Err(Error::Unsupported(format!("{}: this build reads no E57 (feature `e57`)", name.display())))
+}
+
 /// The cloud, or the error that says why nothing is left of it.
-#[cfg(any(feature = "ply", feature = "las"))]
+#[cfg(any(feature = "ply", feature = "las", feature = "e57"))]
 fn finish(cloud: PointCloud, file: &Path) -> Result<PointCloud> {
     if !cloud.is_empty() {
         return Ok(cloud);
@@ -137,10 +151,11 @@ fn finish(cloud: PointCloud, file: &Path) -> Result<PointCloud> {
 enum Kind {
     Ply,
     Las,
+    E57,
 }
 
 const MAGIC_BYTES: u64 = 32;
-const READ: &str = "surfel reads PLY, LAS and LAZ";
+const READ: &str = "surfel reads PLY, LAS, LAZ and E57";
 
 /// By the first bytes; the extension only helps to say what a file is that is not read.
 fn recognise(name: &Path, magic: &[u8]) -> Result<Kind> {
@@ -154,20 +169,16 @@ fn recognise(name: &Path, magic: &[u8]) -> Result<Kind> {
     if magic.starts_with(b"LASF") {
         return Ok(Kind::Las);
     }
-    let by_content: [(&[u8], &str); 6] = [
-        (b"ASTM-E57", "E57"),
-        (b"glTF", "glTF"),
-        (b"# .PCD", "PCD"),
-        (b"VERSION .7", "PCD"),
-        (b"\x1f\x8b", "gzip"),
-        (b"PK\x03\x04", "ZIP"),
-    ];
+    if magic.starts_with(b"ASTM-E57") {
+        return Ok(Kind::E57);
+    }
+    let by_content: [(&[u8], &str); 5] =
+        [(b"glTF", "glTF"), (b"# .PCD", "PCD"), (b"VERSION .7", "PCD"), (b"\x1f\x8b", "gzip"), (b"PK\x03\x04", "ZIP")];
     if let Some((_, what)) = by_content.iter().find(|(start, _)| magic.starts_with(start)) {
         return refuse(format!("{what} is not read yet; {READ}"));
     }
     let extension = name.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     let by_name = match extension.as_str() {
-        "e57" => "E57",
         "gltf" | "glb" => "glTF",
         "obj" => "OBJ",
         "pcd" => "PCD",
@@ -177,6 +188,7 @@ fn recognise(name: &Path, magic: &[u8]) -> Result<Kind> {
         "off" => "OFF",
         "spz" | "splat" | "ksplat" | "sog" => "this splat format",
         "ply" => return refuse("this is not a PLY file: it does not start with `ply`".into()),
+        "e57" => return refuse("this is not an E57 file: it does not start with `ASTM-E57`".into()),
         "las" | "laz" => return refuse("this is not a LAS file: it does not start with `LASF`".into()),
         _ => return refuse(format!("the format is not known; {READ}")),
     };

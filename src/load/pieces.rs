@@ -6,7 +6,7 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
-#[cfg(any(feature = "las", feature = "ply"))]
+#[cfg(any(feature = "las", feature = "ply", feature = "e57"))]
 use super::Kind;
 use super::attributes;
 use super::synthetic::{self, Deep};
@@ -21,12 +21,12 @@ pub(super) trait Reader: Send {
 
 /// One input, read piece by piece.
 ///
-/// In bounded memory, a few tens of MiB: LAS, LAZ in chunks (all but those of the oldest kind, which are one stream), and
-/// binary PLY whose vertices have positions of numbers, and normals where the file has faces. Everything else is read in
+/// In bounded memory, a few tens of MiB: LAS, LAZ in chunks (all but those of the oldest kind, which are one stream), E57,
+/// and binary PLY whose vertices have positions of numbers, and normals where the file has faces. Everything else is read in
 /// full first, as [`open`] does, and its faces then give normals and radii.
 ///
 /// Two things that [`open`] finds in all points are found here in a sample of them, at sixteen places of the file: the
-/// origin, and whether 16-bit colours hold 8 bits.
+/// origin, and whether 16-bit colours hold 8 bits. Of E57 both take the sample, and give the same points bit for bit.
 pub struct Pieces {
     origin: DVec3,
     lattice: Option<DVec3>,
@@ -53,6 +53,7 @@ pub(super) struct Start {
     pub up: Option<Vec3>,
     pub viewpoint: Option<DVec3>,
     pub format: String,
+    pub assumed: Vec<String>,
 }
 
 /// A cloud that is there already.
@@ -112,7 +113,9 @@ impl Pieces {
                 Kind::Las => super::las::pieces(path, file)?,
                 #[cfg(feature = "ply")]
                 Kind::Ply => super::ply::pieces(path, file)?,
-                #[cfg(not(all(feature = "las", feature = "ply")))]
+                #[cfg(feature = "e57")]
+                Kind::E57 => super::e57::pieces(path, file)?,
+                #[cfg(not(all(feature = "las", feature = "ply", feature = "e57")))]
                 _ => None,
             };
             if let Some((start, reader)) = parts {
@@ -127,8 +130,8 @@ impl Pieces {
     }
 
     fn new(start: Start, reader: Box<dyn Reader>) -> Pieces {
-        let Start { origin, lattice, points, up, viewpoint, format } = start;
-        let report = Report { format, points_in_file: points, ..Report::default() };
+        let Start { origin, lattice, points, up, viewpoint, format, assumed } = start;
+        let report = Report { format, points_in_file: points, assumed, ..Report::default() };
         Pieces { origin, lattice, points, up, viewpoint, closed: false, report, reader }
     }
 

@@ -39,6 +39,7 @@ pub fn sample_mesh(cloud: &PointCloud, points: usize, seed: u64) -> PointCloud {
         origin: cloud.origin,
         up: cloud.up,
         viewpoint: cloud.viewpoint,
+        angular_step: cloud.angular_step,
         report: cloud.report.clone(),
         ..Default::default()
     };

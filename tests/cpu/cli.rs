@@ -157,6 +157,31 @@ fn help_names_every_option() {
 }
 
 #[test]
+fn with_data_a_scanners_step_is_told_and_makes_radii() {
+    let here = folder("step");
+    let out = here.join("x.png");
+    let out = out.to_string_lossy();
+    let scan = data("pump_room.e57");
+    let scan = scan.to_string_lossy();
+    let told = stdout(&surfel(&["info", &scan]));
+    assert!(told.contains("  angular step 0.225") && told.contains("  scanner at   0.000000 0.000000"), "{told}");
+    let json: serde_json::Value = serde_json::from_str(&stdout(&surfel(&["info", &scan, "--json"]))).unwrap();
+    assert!((json["angular_step"].as_f64().unwrap() - 0.00393).abs() < 1e-5, "{json}");
+    let small = ["-o", &out, "--size", "32x18", "--radius", "angle:auto"];
+    let drawn = surfel(&[&["reference", &scan], &small[..]].concat());
+    assert_eq!(drawn.status.code(), Some(0), "{}", stderr(&drawn));
+    assert!(stdout(&drawn).contains("radii from the scanner's angular step of 0.00393"), "{}", stdout(&drawn));
+    // A scene says neither, and a scanner's place is not enough.
+    for more in [&[][..], &["--scanner", "0,0,9"]] {
+        usage(
+            &[&["reference", "scene:torus:99"], &small[..], more].concat(),
+            "does not tell the scanner's angular step",
+        );
+    }
+    fs::remove_dir_all(here).unwrap();
+}
+
+#[test]
 fn outputs_are_tried_before_anything_is_read() {
     let here = folder("outputs");
     let nowhere = here.join("no/such/folder/x.png");

@@ -24,6 +24,7 @@ fn world_positions_survive_and_missing_attributes_are_filled_and_noted() {
     a.colors = Some(vec![[1, 2, 3], [4, 5, 6]]);
     a.radii = Some(vec![0.1, 0.2]);
     a.up = Some(Vec3::Z);
+    a.angular_step = Some(0.01);
     let mut b = points(dvec3(515400.0, 4918300.0, 2330.0), &[vec3(0.5, -0.5, 0.75); 3]);
     b.normals = Some(vec![Vec3::Y; 3]);
     b.mesh = Some(Mesh { triangles: vec![[0, 1, 2]] });
@@ -37,8 +38,16 @@ fn world_positions_survive_and_missing_attributes_are_filled_and_noted() {
     assert_eq!(all.normals.unwrap(), [Vec3::ZERO, Vec3::ZERO, Vec3::Y, Vec3::Y, Vec3::Y]);
     assert_eq!(all.opacity.unwrap(), [1.0, 1.0, 0.5, 0.5, 0.5]);
     assert_eq!(all.mesh.unwrap().triangles, [[2, 3, 4]]);
-    assert_eq!((all.radii, all.up), (None, Some(Vec3::Z)));
+    assert_eq!((all.radii, all.up, all.angular_step), (None, Some(Vec3::Z), Some(0.01)));
     assert_eq!(all.report.assumed.len(), 4, "{:?}", all.report.assumed);
+}
+
+#[test]
+fn angular_steps_that_differ_are_none() {
+    let with = |step| PointCloud { angular_step: Some(step), ..points(DVec3::ZERO, &[Vec3::X]) };
+    assert_eq!(merge(vec![with(0.01), with(0.01)]).angular_step, Some(0.01));
+    let all = merge(vec![with(0.01), with(0.02)]);
+    assert_eq!((all.angular_step, all.report.assumed.len()), (None, 1));
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod cli;
 #[path = "../common/mod.rs"]
 mod common;
 mod convergence;
+mod e57_files;
 
 mod arrows;
 mod attributes_degenerate;
@@ -35,6 +36,8 @@ mod layered_groups;
 mod layered_in_view;
 mod layered_refine;
 mod load_bad;
+mod load_e57;
+mod load_e57_bad;
 mod load_files;
 mod load_las;
 mod load_merge;

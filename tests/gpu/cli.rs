@@ -233,6 +233,7 @@ fn what_makes_no_sense_for_a_blend_is_refused() {
         ("--structure espt --block 0", 2),
         ("--radius angle:90", 2),
         ("--radius angle:1", 1),
+        ("--radius angle:auto", 2),
         ("--blend groups --group-factor nan", 2),
         ("--blend groups --group-limit 0", 2),
         ("--groups a.groups", 2),

@@ -85,7 +85,7 @@ fn views(text: &str) -> Result<Views, String> {
 /// Every value of every list is combined with every other.
 #[derive(Debug, Args)]
 pub struct SweepArgs {
-    /// Files (PLY, LAS, LAZ), or `scene:NAME[:POINTS[:SEED]]`; each is measured by itself.
+    /// Files (PLY, LAS, LAZ, E57), or `scene:NAME[:POINTS[:SEED]]`; each is measured by itself.
     #[arg(required = true, value_name = "INPUT", value_parser = inputs())]
     pub inputs: Vec<Input>,
     /// Folder for report.html, results.json, results.csv and the pictures. What is finished there is not done again.

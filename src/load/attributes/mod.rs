@@ -30,8 +30,8 @@ pub enum RadiusRule {
     /// This times the automatic radius; finite and > 0.
     Scale(f32),
     /// A scanner's angular step \[rad\] times the distance from where it stood, so that neighbours in its grid just cover
-    /// what lies across its rays (unprocessed scans, 2006, section 5, there by the farthest sample of a block). Without
-    /// a viewpoint as `Auto`, which the report says. Finite and > 0.
+    /// what lies across its rays (unprocessed scans, 2006, section 5, there by the farthest sample of a block). Some files
+    /// tell it: [`PointCloud::angular_step`]. Without a viewpoint as `Auto`, which the report says. Finite and > 0.
     Angular(f32),
 }
 
