@@ -2,6 +2,10 @@
 //!
 //! It records into the host's command buffers and never submits, waits, presents or makes a device.
 
+mod ready;
+mod supply;
+mod told;
+
 use std::collections::BTreeMap;
 
 use ash::vk;
@@ -9,31 +13,25 @@ use ash::vk;
 use crate::composite::{Before, Composite, resolve};
 use crate::draw::assemble::{Assembly, Scene};
 use crate::draw::cloud::DeviceCloud;
-use crate::draw::cuts::CutTable;
-use crate::draw::layers::{LayerPlan, Layers};
-use crate::draw::occlusion::Tested;
+use crate::draw::layers::Layers;
 use crate::draw::params::{Camera, frame_params};
-use crate::draw::patches::Occluding;
-use crate::draw::plan::{CloudTraits, FramePlan, Surroundings};
+use crate::draw::plan::{CloudTraits, FramePlan};
 use crate::draw::slot::{Read, Slot};
-use crate::draw::splats::{Bindings, Draw, RUN_STAGES, quad_indices};
-use crate::draw::targets::{TargetPlan, Targets};
-use crate::draw::variant::{Pipelines, Role, Step, Variant, shaders};
+use crate::draw::splats::{Bindings, Draw, RUN_STAGES};
+use crate::draw::targets::Targets;
+use crate::draw::variant::{Pipelines, shaders};
 use crate::draw::{count, fuzzy, groups, list, opaque, two_pass};
 use crate::error::{Error, Result};
+use crate::gpu::Context;
 use crate::gpu::barrier::Access;
 use crate::gpu::layout::RunPush;
-use crate::gpu::memory::Location;
 use crate::gpu::pass::{Recorder, Use};
 use crate::gpu::program::Program;
 use crate::gpu::resource::Buffer;
 use crate::gpu::retire::RetireQueue;
-use crate::gpu::upload::Upload;
-use crate::gpu::{Context, Interlock};
 use crate::host::{CloudId, FrameInput, Host, Instance, Requirements, TargetFormats};
-use crate::stats::{Culled, FrameStats, OrderedAccess, PassTime, Skip};
+use crate::stats::{FrameStats, Skip};
 use crate::structure::Cloud;
-use crate::style::{Footprint, Style};
 use crate::technique::Blend;
 
 /// Draws clouds into frames that a host records.
@@ -51,7 +49,7 @@ pub struct Renderer {
     slots: Vec<Slot>,
     retired: RetireQueue,
     /// Filled, not yet recorded: the copies of a `prepare` that failed after them wait here for the next one.
-    staged: Vec<Staged>,
+    staged: Vec<supply::Staged>,
     current: Option<Current>,
     /// Id of the last frame that was prepared.
     newest: u64,
@@ -59,61 +57,6 @@ pub struct Renderer {
     /// Bytes that one `prepare` uploads at most, rounded up to a chunk (64 MiB of geometry and its attributes): the rest
     /// follows in later frames, and what is there is drawn. Unlimited by default.
     pub upload_budget: u64,
-}
-
-/// Copies to record, and the cloud that they fill; none for what belongs to the renderer.
-struct Staged {
-    cloud: Option<CloudId>,
-    upload: Upload,
-}
-
-/// What a frame knows of the layered point clouds that it shows.
-#[derive(Default)]
-struct Streamed {
-    table: CutTable,
-    tested: Vec<Tested>,
-    /// In the order of the statistics.
-    models: Vec<CloudId>,
-}
-
-/// What a footprint covers beyond its radius \[px\].
-fn footprint_margin(style: &Style) -> f64 {
-    match style.footprint {
-        Footprint::Pixels(side) => 0.5 * side as f64,
-        Footprint::Splat => style.low_pass as f64,
-    }
-    .max(1.0)
-}
-
-/// What makes depth of what a blend has drawn, for those that have none that tests could use.
-fn front_depth(plan: &FramePlan, host_depth: bool) -> Option<Before> {
-    match plan.blend {
-        Blend::TwoPass | Blend::Opaque => None,
-        Blend::Fuzzy => Some(Before::FrontDepth),
-        Blend::Groups => Some(Before::LayersDepth { host_depth }),
-    }
-}
-
-/// Tells models what a frame's tests have found, and the statistics. Returns the number of points that were not drawn.
-fn learn(
-    clouds: &mut BTreeMap<CloudId, DeviceCloud>,
-    slot: &Slot,
-    answers: &[Option<bool>],
-    stats: &mut FrameStats,
-) -> u64 {
-    let mut hidden = 0;
-    for (test, visible) in slot.tested.iter().zip(answers).filter_map(|(test, answer)| Some((test, (*answer)?))) {
-        if let Some(patches) = clouds.get_mut(&test.cloud).and_then(|cloud| cloud.patches.as_mut()) {
-            patches.learn(test, slot.frame, visible);
-        }
-        if !visible && test.samples > 0 {
-            hidden += u64::from(test.samples);
-            if let Some(model) = slot.models.iter().position(|id| *id == test.cloud) {
-                stats.layered[model].hidden += 1;
-            }
-        }
-    }
-    hidden
 }
 
 /// A frame between `prepare` and `composite`.
@@ -284,7 +227,7 @@ impl Renderer {
         let cameras: Vec<Camera> = input.views.iter().map(|v| Camera::new(v, input.extent)).collect();
         let sprite_limit = if plan.quads { f64::MAX } else { self.context.limits.point_size_range[1] as f64 };
         let scene = Scene { input, plan: &plan, targets: targets.plan, sprite_limit, cameras: &cameras };
-        let Streamed { table, tested, models } = self.stream(&scene, &mut stats);
+        let supply::Streamed { table, tested, models } = self.stream(&scene, &mut stats);
         let of_instances: Vec<&DeviceCloud> = input.instances.iter().map(|i| self.cloud(i)).collect();
         let Assembly { views, params, listing } = scene.assemble(&of_instances);
         let any_large = views.iter().flatten().any(Draw::has_large);
@@ -300,7 +243,7 @@ impl Renderer {
             });
         }
         let before = self.before(input, &plan);
-        let front_depth = front_depth(&plan, input.host_depth.is_some());
+        let front_depth = ready::front_depth(&plan, input.host_depth.is_some());
         let tested = views.iter().flatten().any(|d| !d.tests.is_empty());
         let full_screen = before.into_iter().chain(front_depth.filter(|_| tested));
         stats.pipelines_built = self.ensure_pipelines(input, &plan, &views, full_screen)?;
@@ -453,47 +396,6 @@ impl Renderer {
         Ok(())
     }
 
-    /// Frees what only frames up to `completed` used, and returns their statistics, oldest first.
-    ///
-    /// `completed` is the host's counter: every frame with an id up to it was submitted and is complete on the device.
-    pub fn retire(&mut self, completed: u64) -> Result<Vec<FrameStats>> {
-        self.completed = self.completed.max(completed);
-        self.retired.collect(&mut self.context, self.completed);
-        let mut done = Vec::new();
-        for slot in self.slots.iter_mut().filter(|s| s.frame <= self.completed) {
-            let Some(mut stats) = slot.stats.take() else { continue };
-            if let Some(timestamps) = &slot.timestamps {
-                // A frame without times is still a frame; only a lost device is worth an error.
-                let times = match timestamps.read(&self.context) {
-                    Err(Error::DeviceLost) => return Err(Error::DeviceLost),
-                    other => other.unwrap_or_default(),
-                };
-                stats.passes = times.into_iter().map(|(name, gpu_ms)| PassTime { name, gpu_ms }).collect();
-            }
-            if let Some((listing, lists)) = slot.kept.take().zip(slot.lists.as_mut()) {
-                stats.lists = lists.read(&listing);
-            }
-            let hidden = match &slot.tests {
-                Some(tests) => {
-                    let answers = match tests.read(&self.context, slot.tested.len()) {
-                        Err(Error::DeviceLost) => return Err(Error::DeviceLost),
-                        other => other.unwrap_or_default(),
-                    };
-                    learn(&mut self.clouds, slot, &answers, &mut stats)
-                }
-                None => 0,
-            };
-            if slot.counted {
-                let (drawn, culled) = count::account(&slot.read_counts());
-                stats.points_drawn = Some(drawn);
-                stats.culled = Some(Culled { occluded: hidden, ..culled });
-            }
-            done.push(stats);
-        }
-        done.sort_by_key(|s| s.frame);
-        Ok(done)
-    }
-
     /// Bytes of device memory held now.
     pub fn device_bytes(&self) -> u64 {
         self.context.allocated
@@ -509,7 +411,7 @@ impl Renderer {
             cloud.retire(&mut self.retired, u64::MAX);
         }
         self.retired.collect(context, u64::MAX);
-        for Staged { upload, .. } in self.staged {
+        for supply::Staged { upload, .. } in self.staged {
             upload.destroy(context);
         }
         for slot in self.slots {
@@ -532,234 +434,5 @@ impl Renderer {
 
     fn cloud(&self, instance: &Instance) -> &DeviceCloud {
         self.clouds.get(&instance.cloud).expect("an instance's cloud was added and not removed")
-    }
-
-    fn surroundings(&self, input: &FrameInput) -> Surroundings {
-        let enabled = &self.context.enabled;
-        Surroundings {
-            depth_target: self.formats.depth.is_some(),
-            host_depth: input.host_depth.is_some(),
-            sprite_limit: if enabled.large_points { self.context.limits.point_size_range[1] } else { 1.0 },
-            ordered: match (enabled.rasterization_order, enabled.interlock) {
-                (true, _) => Some(OrderedAccess::RasterizationOrder),
-                (false, Interlock::Pixel | Interlock::Implicit) => Some(OrderedAccess::Interlock),
-                (false, Interlock::Absent) => None,
-            },
-            output_layer: enabled.output_layer,
-        }
-    }
-
-    /// The full-screen pass that a frame needs before `composite`.
-    fn before(&self, input: &FrameInput, plan: &FramePlan) -> Option<Before> {
-        let Some(targets) = &self.targets else { unreachable!("made before") };
-        let (sums, surface, host_depth) = (targets.plan.sums, targets.plan.surface, input.host_depth.is_some());
-        match plan.blend {
-            Blend::Groups => Some(Before::Fold { sums, surface, normals: plan.lit, host_depth }),
-            _ if !host_depth => None,
-            Blend::Fuzzy => Some(Before::SeedFront { sums, surface }),
-            Blend::TwoPass | Blend::Opaque => Some(Before::SeedDepth),
-        }
-    }
-
-    fn ensure_targets(&mut self, input: &FrameInput, plan: &FramePlan) -> Result<()> {
-        let mut wanted = TargetPlan {
-            extent: input.extent,
-            layers: input.views.len() as u32,
-            surface: plan.surface(),
-            sums: plan.sums,
-            ordered: plan.ordered,
-        };
-        if let Some(old) = &self.targets {
-            if old.plan == wanted {
-                return Ok(());
-            }
-            // Of the same size, attachments are only ever added: styles that alternate must not remake them.
-            if old.plan.extent == wanted.extent && old.plan.layers == wanted.layers {
-                wanted.surface |= old.plan.surface;
-                wanted.ordered = wanted.ordered.or(old.plan.ordered);
-                if old.plan == wanted {
-                    return Ok(());
-                }
-            }
-        }
-        let made = Targets::new(&mut self.context, wanted, &self.splats, &mut self.pipelines.passes)?;
-        if let Some(old) = self.targets.replace(made) {
-            old.retire(&mut self.retired, self.newest);
-        }
-        Ok(())
-    }
-
-    /// The layers of `groups`: as many as the frame needs, kept while they are enough.
-    fn ensure_layers(&mut self, input: &FrameInput, plan: &FramePlan) -> Result<()> {
-        if plan.blend != Blend::Groups {
-            return Ok(());
-        }
-        let wanted = LayerPlan { extent: input.extent, count: plan.layers, normals: plan.lit, sums: plan.sums };
-        if self.layers.as_ref().is_some_and(|old| old.plan == wanted) {
-            return Ok(());
-        }
-        let made = Layers::new(&mut self.context, wanted, &self.composite.program, self.composite.sampler)?;
-        if let Some(old) = self.layers.replace(made) {
-            old.retire(&mut self.retired, self.newest);
-        }
-        Ok(())
-    }
-
-    /// A slot whose last frame is complete and that has room for so many clouds times views.
-    fn ensure_slot(&mut self, draws: u64) -> Result<usize> {
-        let free = self.slots.iter().position(|s| s.frame <= self.completed && s.stats.is_none());
-        let index = match free {
-            Some(index) if self.slots[index].capacity() >= draws => index,
-            Some(index) => {
-                let slot = Slot::new(&mut self.context, &self.splats, &self.composite, draws.next_power_of_two())?;
-                std::mem::replace(&mut self.slots[index], slot).destroy(&mut self.context);
-                index
-            }
-            None => {
-                let slot = Slot::new(&mut self.context, &self.splats, &self.composite, draws.next_power_of_two())?;
-                self.slots.push(slot);
-                self.slots.len() - 1
-            }
-        };
-        Ok(index)
-    }
-
-    /// Makes chunks and fills their staging memory, as far as budget and memory go.
-    fn stage(&mut self) -> Result<()> {
-        let mut bytes: u64 = self.staged.iter().map(|s| s.upload.bytes()).sum();
-        for (&id, cloud) in &mut self.clouds {
-            while bytes < self.upload_budget {
-                match cloud.upload_next(&mut self.context, &self.splats) {
-                    Ok(Some(upload)) => {
-                        bytes += upload.bytes();
-                        self.staged.push(Staged { cloud: Some(id), upload });
-                    }
-                    Ok(None) => break,
-                    // What is staged is freed when this frame is complete: there may be room then.
-                    Err(Error::OutOfDeviceMemory { .. }) if bytes > 0 => return Ok(()),
-                    Err(e) => return Err(e),
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes in what has come of layered point clouds, selects what this frame draws of them, and asks for what is missing.
-    fn stream(&mut self, scene: &Scene, stats: &mut FrameStats) -> Streamed {
-        let input = scene.input;
-        let mut streamed = Streamed::default();
-        let margin =
-            self.context.enabled.conditional.then(|| footprint_margin(input.style) / input.style.threshold as f64);
-        for instance in input.instances {
-            let (id, done) = (instance.cloud, &mut streamed.models);
-            let Some(cloud) = self.clouds.get_mut(&id).filter(|c| c.patches.is_some() && !done.contains(&id)) else {
-                continue;
-            };
-            done.push(id);
-            let (sights, culled) = scene.sights(cloud, |i| i.cloud == id);
-            let Some(patches) = &mut cloud.patches else { continue };
-            let mut occluding =
-                Occluding { cloud: id, margin: margin.filter(|_| patches.occlusion()), tests: &mut streamed.tested };
-            let staged: u64 = self.staged.iter().map(|s| s.upload.bytes()).sum();
-            let budget = self.upload_budget.saturating_sub(staged);
-            let upload = patches.take_in(input.id, self.completed, &cloud.chunks, budget);
-            self.staged.extend(upload.map(|upload| Staged { cloud: Some(id), upload }));
-            patches.select(input.id, &sights, culled, &mut streamed.table, &mut occluding);
-            patches.ask();
-            stats.layered.push(patches.stats());
-        }
-        let mut skip = |reason| stats.skipped.push(Skip { stage: "occlusion", reason });
-        match stats.layered.iter().all(|l| l.occlusion_idle) {
-            _ if stats.layered.is_empty() => skip("no layered point cloud"),
-            _ if margin.is_none() => skip("conditionalRendering is not enabled"),
-            true => skip("so little was hidden lately that new patches are drawn without a test"),
-            false if streamed.tested.is_empty() => skip("nothing is due to be tested"),
-            false => {}
-        }
-        streamed
-    }
-
-    /// Records what is staged, and starts the frame's timestamps. Returns the bytes copied.
-    fn record_uploads(&mut self, cmd: vk::CommandBuffer, slot: usize) -> u64 {
-        if let Some(timestamps) = &mut self.slots[slot].timestamps {
-            timestamps.reset(&self.context, cmd);
-        }
-        if let Some(tests) = self.slots[slot].tests.as_ref().filter(|_| !self.slots[slot].tested.is_empty()) {
-            tests.reset(&self.context, cmd, self.slots[slot].tested.len());
-        }
-        let staged = std::mem::take(&mut self.staged);
-        if !staged.is_empty() {
-            let mut recorder = Recorder::new(&self.context, cmd, self.slots[slot].timestamps.as_mut());
-            // What a patch takes the place of, complete frames have read: layers that do not know the host's semaphores cannot tell.
-            let before = vec![Use::Memory(Access::VertexRead, Access::CopyWrite)];
-            recorder.pass("upload", before, |context, cmd| staged.iter().for_each(|s| s.upload.record(context, cmd)));
-            recorder.barrier(vec![Use::Memory(Access::CopyWrite, Access::VertexRead)]);
-        }
-        let mut bytes = 0;
-        for Staged { upload, .. } in staged {
-            bytes += upload.bytes();
-            upload.retire(&mut self.retired, self.newest);
-        }
-        bytes
-    }
-
-    fn ensure_pipelines(
-        &mut self,
-        input: &FrameInput,
-        plan: &FramePlan,
-        views: &[Vec<Draw>],
-        full_screen: impl Iterator<Item = Before>,
-    ) -> Result<u32> {
-        let roles: &[Role] = match (plan.blend, plan.ordered) {
-            (Blend::Fuzzy, Some(access)) => &[Role::Fuzzy(access)],
-            (Blend::TwoPass | Blend::Fuzzy, _) => &[Role::Visibility, Role::Accumulate],
-            (Blend::Groups, _) => &[Role::Groups],
-            (Blend::Opaque, _) => &[Role::Opaque],
-        };
-        let mut built = 0;
-        for before in full_screen {
-            built += self.composite.ensure_before(&self.context, before)? as u32;
-        }
-        if views.iter().flatten().any(|d| !d.tests.is_empty()) {
-            let variant = Variant::plain(Role::Occlusion);
-            built += self.pipelines.ensure(&self.context, &self.splats, variant)? as u32;
-        }
-        for draw in views.iter().flatten() {
-            for &role in roles {
-                let triangles = (!draw.faces.is_empty()).then_some(draw.triangles.0);
-                for variant in [draw.main, draw.large].into_iter().chain(triangles) {
-                    built += self.pipelines.ensure(&self.context, &self.splats, Variant { role, ..variant })? as u32;
-                }
-            }
-            let steps = if draw.main.listed { &[Step::Mark, Step::Scan, Step::List][..] } else { &[] };
-            let computed = steps.iter().map(|step| Variant::compute(draw.test, draw.main.packing, *step));
-            for variant in computed.chain(input.count.then(|| draw.main.count(draw.test))) {
-                built += self.pipelines.ensure(&self.context, &self.splats, variant)? as u32;
-            }
-        }
-        let resolve = resolve::Variant::new(plan, input.style, input.views[0].depth);
-        built += self.composite.ensure(&self.context, resolve)? as u32;
-        Ok(built)
-    }
-
-    fn ensure_indices(&mut self, needed: bool) -> Result<()> {
-        if !needed || self.indices.is_some() {
-            return Ok(());
-        }
-        let indices = quad_indices();
-        let data: &[u8] = bytemuck::cast_slice(&indices);
-        let usage = vk::BufferUsageFlags::INDEX_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
-        let buffer = Buffer::new(&mut self.context, "quad_indices", data.len() as u64, usage, Location::Device)?;
-        let mut upload = match Upload::new(&mut self.context, data.len() as u64) {
-            Ok(upload) => upload,
-            Err(e) => {
-                buffer.destroy(&mut self.context);
-                return Err(e);
-            }
-        };
-        upload.write(&buffer, data);
-        self.staged.push(Staged { cloud: None, upload });
-        self.indices = Some(buffer);
-        Ok(())
     }
 }
