@@ -324,8 +324,8 @@ pub struct BuildArgs {
     /// M, samples a node.
     #[arg(long, value_name = "M", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(64..=65536))]
     pub patch: u32,
-    /// K, candidates that a sample is chosen from.
-    #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u32).range(2..=64))]
+    /// K, candidates that a sample is chosen from: more leave fewer holes where points lie thinly, and take longer.
+    #[arg(long, value_name = "K", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=64))]
     pub candidates: u32,
     /// Which candidates are kept: those that keep apart, or (as published) any.
     #[arg(long, value_name = "elimination|random", default_value = "elimination", value_parser = axis(Sampling::ALL))]

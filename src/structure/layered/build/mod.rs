@@ -72,7 +72,8 @@ pub type Told<'a> = &'a (dyn Fn(&str, u64, u64) + Sync);
 pub struct Options<'a> {
     /// M, samples a node; published 512 to 8192; 1 to [`MAX_SAMPLES`].
     pub samples: u32,
-    /// K, candidates a sample; at least 2.
+    /// K, candidates a sample; at least 2. Where points lie thinly there are few candidates, and what none of them stands for is a hole
+    /// until a finer level comes: more candidates, fewer holes.
     pub candidates: u32,
     /// Which of them are kept.
     pub sampling: Sampling,
@@ -102,7 +103,7 @@ impl Default for Options<'_> {
     fn default() -> Self {
         Options {
             samples: 4096,
-            candidates: 4,
+            candidates: 16,
             sampling: Sampling::Elimination,
             seed: 1,
             precision: 0.125,
