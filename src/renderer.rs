@@ -202,7 +202,9 @@ impl Renderer {
             return Err(Error::Unsupported(text));
         }
         if plan.blend == Blend::Groups && traits.iter().any(|t| t.groups.is_none()) {
-            return Err(Error::Unsupported("groups of a cloud that has none: see `Flat::groups`".into()));
+            return Err(Error::Unsupported(
+                "groups of a cloud that has none: see `Flat::groups`, of models `layered::Options::groups`".into(),
+            ));
         }
         let mut stats = FrameStats {
             frame: input.id,

@@ -13,7 +13,7 @@ fn surfel(args: &[&str]) -> Output {
 
 fn built(folder: &Folder, name: &str, scene: &str, patch: &str) -> String {
     let path = folder.path(name);
-    let output = surfel(&["build", scene, "-o", &path, "--patch", patch, "-q"]);
+    let output = surfel(&["build", scene, "-o", &path, "--patch", patch, "--groups", "-q"]);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     path
 }
@@ -42,6 +42,7 @@ fn laps_have_an_account_that_adds_up() {
         &["--frames", "6", "--path", "street", "--blend", "opaque", "--ms", "20"],
         &["--frames", "5", "--path", &keys, "--laps", "3", "--points", "3000"],
         &["--frames", "1", "--laps", "1"],
+        &["--frames", "4", "--blend", "groups"],
     ] {
         let stats = flown(&folder, &model, more);
         assert_eq!(stats["samples"], 20_000, "{more:?}");
@@ -83,7 +84,8 @@ fn the_smallest_models_are_flown_through() {
 #[test]
 fn what_cannot_be_flown_is_refused() {
     let folder = Folder::new("fly-refused");
-    let model = built(&folder, "m.lpc", "scene:sphere:500", "512");
+    let model = folder.path("m.lpc");
+    assert_eq!(surfel(&["build", "scene:sphere:500", "-o", &model, "-q"]).status.code(), Some(0));
     let (text, cut) = (folder.path("text.lpc"), folder.path("cut.lpc"));
     fs::write(&text, "no model").expect("a file");
     let bytes = fs::read(&model).expect("the model");
@@ -100,6 +102,7 @@ fn what_cannot_be_flown_is_refused() {
         (vec![&model, "--path", "sideways"], 2, "orbit"),
         (vec![&model, "--points", "5", "--ms", "3"], 2, "--ms"),
         (vec![&model, "--frames", "0"], 2, "frames"),
+        (vec![&model, "--blend", "groups"], 1, "m.lpc: was built without groups: `surfel build --groups`"),
     ] {
         let output = surfel(&[&["fly"][..], &args].concat());
         let said = String::from_utf8_lossy(&output.stderr);

@@ -19,7 +19,7 @@ use surfel::standalone::{DeviceInfo, Offscreen};
 use surfel::stream::{self, Access, FetchOptions, FileAccess};
 use surfel::structure::layered::{Index, Layered, Streaming};
 use surfel::style::Style;
-use surfel::technique::{Structure, Technique};
+use surfel::technique::{Blend, Structure, Technique};
 
 use self::args::{Course, FlyArgs, ShownArgs, StreamingArgs};
 use self::extent::Extent;
@@ -99,6 +99,9 @@ fn flown(
         _ => (path::Path::orbit(&extent, start), "orbit".into()),
     };
     let (technique, style) = shown(&args.shown, &index);
+    if technique.blend == Blend::Groups && index.groups.is_none() {
+        bail!("{}: was built without groups: `surfel build --groups` stores them", index.name);
+    }
     let fov = args.lens.fov.unwrap_or(45.0).to_radians();
     let camera = Camera::new(&extent, fov, args.size[0] as f64 / args.size[1] as f64);
     if device.kind == "cpu" {
