@@ -68,7 +68,7 @@ fn groups_of_large_models_overlap_at_borders_alone() {
         .collect();
     let part = |sample: u32| {
         let path = model.path(of_node[sample as usize]);
-        path.iter().copied().find(|n| below[*n as usize] <= 1 << 17).unwrap_or(path[path.len() - 1])
+        path.iter().copied().find(|n| below[*n as usize] <= 1 << 16).unwrap_or(path[path.len() - 1])
     };
     let cut = level(&model, u8::MAX);
     // In the order in which parts are coloured: the way down, a side a level.

@@ -27,8 +27,8 @@ use crate::structure::layered::patch::encode_groups;
 use crate::structure::layered::{Index, Node, Patch};
 use crate::structure::nodes::NONE;
 
-/// Most samples that are coloured as one, unless a patch has more: some 50 MB.
-const PART: u64 = 1 << 17;
+/// Most samples that are coloured as one, unless a patch has more: some 25 MB.
+const PART: u64 = 1 << 16;
 
 /// Beyond its region a sample meets others that are up to three times as wide.
 const WIDER: f32 = 3.0;

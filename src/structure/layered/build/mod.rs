@@ -88,7 +88,7 @@ pub struct Options<'a> {
     /// Normals, and radii with them where they are estimated.
     pub normals: Normals,
     /// Groups for [`Blend::Groups`](crate::technique::Blend::Groups), of all samples, so that no two that overlap in any whole level share
-    /// one; where in a picture a coarse level meets a finer one, some may, as at the borders of parts of some hundred thousand samples,
+    /// one; where in a picture a coarse level meets a finer one, some may, as at the borders of parts of some ten thousand samples,
     /// which are coloured one after the other.
     pub groups: Option<Relax>,
     /// Bytes to work in, 16 MiB of them for buffers; 64 MiB and more are of use.
