@@ -1,6 +1,6 @@
 //! Flying through a layered point cloud: what a viewer waits for, and what streaming costs.
 //!
-//! 1. The first picture, from `open()` on a renderer that has drawn before: from a file, and over HTTP from a server that answers late.
+//! 1. The first picture, from `open()` on a renderer that has drawn before: from a file, and over HTTP from an nginx that answers late.
 //! 2. A lap that streams against one that finds everything there: `prepare`, and the share of the model that is resident.
 //! 3. Pictures of the cut at one pixel against those of all samples: PSNR and holes, both against the truth of the reference.
 //!
@@ -8,10 +8,11 @@
 
 #[path = "../tests/common/folder.rs"]
 mod folder;
-#[path = "../tests/common/server.rs"]
-#[allow(dead_code)]
-mod server;
+#[path = "../tests/common/nginx.rs"]
+mod nginx;
 
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread;
@@ -96,20 +97,49 @@ fn first_pictures(off: &mut Offscreen, place: &Place, rounds: usize) {
     println!("first picture, from open() [ms]");
     let times: Vec<f64> = (0..rounds).map(|_| first_picture(off, &view, file)).collect();
     println!("  from a file                             {}", said(&times));
-    let bytes = std::fs::read(&place.path).expect("the model");
+    let folder = folder::Folder::new("bench-fly-served");
+    std::fs::copy(&place.path, folder.path("model")).expect("room for a copy");
+    let nginx = nginx::Nginx::start(&folder.0);
     for late in [0, 20, 80].map(Duration::from_millis) {
-        let served = server::Served { bytes: bytes.clone(), etag: "\"one\"" };
-        let server = server::Server::start(move |asked| {
-            thread::sleep(late);
-            served.right(asked)
-        });
+        let address = relayed(&nginx.address("model"), late);
         let options = HttpOptions { proxy: false, ..HttpOptions::default() };
-        let http = || {
-            Arc::new(HttpAccess::open(&server.address("model"), options.clone()).expect("a model")) as Arc<dyn Access>
-        };
+        let http = || Arc::new(HttpAccess::open(&address, options.clone()).expect("a model")) as Arc<dyn Access>;
         let times: Vec<f64> = (0..rounds).map(|_| first_picture(off, &view, http)).collect();
         println!("  over HTTP, each answer {:>2} ms late       {}", late.as_millis(), said(&times));
     }
+    println!("  nginx counts {} requests for {} of them", nginx.log().len(), 3 * rounds);
+}
+
+/// The same address through a relay that holds every request back for so long, as a server far away would. It listens until the
+/// bench ends.
+fn relayed(address: &str, late: Duration) -> String {
+    let (host, file) = address.strip_prefix("http://").and_then(|rest| rest.split_once('/')).expect("an address");
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let relay = format!("http://{}/{file}", listener.local_addr().expect("its number"));
+    let host = host.to_owned();
+    thread::spawn(move || {
+        for client in listener.incoming().flatten() {
+            let server = TcpStream::connect(&host).expect("the server");
+            let [mut from, mut to] = [&client, &server].map(|stream| {
+                stream.set_nodelay(true).expect("an option");
+                stream.try_clone().expect("a handle")
+            });
+            thread::spawn(move || {
+                let mut request = vec![0; 1 << 14];
+                while let Ok(n @ 1..) = from.read(&mut request) {
+                    thread::sleep(late);
+                    if to.write_all(&request[..n]).is_err() {
+                        break;
+                    }
+                }
+                // Nobody listens any more, or nobody asks.
+                let _ = to.shutdown(Shutdown::Both);
+            });
+            let (mut from, mut to) = (server, client);
+            thread::spawn(move || std::io::copy(&mut from, &mut to));
+        }
+    });
+    relay
 }
 
 /// A lap that streams and one that does not, again and again with an empty cache.

@@ -66,7 +66,6 @@ mod scene_files;
 mod sequential;
 mod sequential_file;
 mod sequential_views;
-#[path = "../common/server.rs"]
 mod server;
 mod stream_fetch;
 mod stream_file;
