@@ -30,7 +30,7 @@ void main() {
     // Towards the eye: the other side of the face's plane.
     bool faces_away = dot(out_ward, params.test_eye.xyz - position * params.test_eye.w) < 0.0;
     vec4 h = vec4(vec4(position - params.about.xyz, 1.0) * params.eye_from_cloud, 1.0);
-    float depth = is_perspective() ? params.near : internal_depth(-h.z);
+    float depth = PERSPECTIVE ? params.near : internal_depth(-h.z);
     gl_Position = vec4(dot(params.pixel_x, h) / params.middle.x, dot(params.pixel_y, h) / params.middle.y, depth, dot(params.pixel_w, h));
     if (faces_away) {
         gl_Position = NOWHERE;

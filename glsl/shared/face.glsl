@@ -8,7 +8,7 @@
 vec3 fragment_color() { return v_color; }
 float fragment_radius() { return 0.0; }
 
-vec3 ray_direction() { return normalize(is_perspective() ? v_eye - params.eye.xyz : -params.eye.xyz); }
+vec3 ray_direction() { return normalize(PERSPECTIVE ? v_eye - params.eye.xyz : -params.eye.xyz); }
 
 // Interpolated, and turned to the viewer as a splat's is.
 vec3 fragment_normal() {

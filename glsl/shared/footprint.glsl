@@ -34,14 +34,14 @@ float footprint(vec2 fragment, out float z) {
         vec3 n = v_normal;
         float facing = dot(n, direction);
         float hit = dot(n, c - base) / facing;
-        if (facing != 0.0 && (hit > 0.0 || !is_perspective())) {
+        if (facing != 0.0 && (hit > 0.0 || !PERSPECTIVE)) {
             vec3 x = base + hit * direction - c;
             on_disk = dot(x, x) / (v_frame.w * v_frame.w);
             z = hit;
         }
     } else {
         vec2 affine = vec2(dot(v_frame.xy, d), dot(v_frame.zw, d));
-        bool exact = !APPROXIMATE && is_perspective();
+        bool exact = !APPROXIMATE && PERSPECTIVE;
         float s = exact ? v_centre.z - dot(affine, v_plane.xy) : 1.0;
         if (s > 0.0) {
             vec2 ab = affine * (exact ? v_centre.z / s : 1.0);

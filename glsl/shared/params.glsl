@@ -79,8 +79,9 @@ layout(constant_id = 12) const int RULE = 0;            // what errors are: see 
 layout(constant_id = 13) const bool LISTED = false;     // quads: points are numbered by a list
 layout(constant_id = 14) const int PACKING = PACKING_FULL;
 layout(constant_id = 15) const bool LAYERED = false;    // radii, and which samples there are, come from a cut: see layered.glsl
-
-bool is_perspective() { return params.depth_map.z != 0.0; }
+// Not asked of depth_map: software devices run both sides of a branch, and lavapipe (Mesa 22.3) compiles a shader that branches
+// on parameters anew whenever it is bound, and keeps all of that.
+layout(constant_id = 16) const bool PERSPECTIVE = true; // orthographic otherwise
 
 float internal_depth(float z) {
     return (params.depth_map.x * z + params.depth_map.y) / (params.depth_map.z * z + params.depth_map.w);
@@ -89,6 +90,6 @@ float internal_depth(float z) {
 // The ray of a pixel: base + z·direction is its eye-space point at linear depth z.
 void pixel_ray(vec2 pixel, out vec3 base, out vec3 direction) {
     vec3 a = params.ray_0.xyz + params.ray_x.xyz * pixel.x + params.ray_y.xyz * pixel.y;
-    base = is_perspective() ? params.eye.xyz : a;
-    direction = is_perspective() ? a : -params.eye.xyz / params.eye.z;
+    base = PERSPECTIVE ? params.eye.xyz : a;
+    direction = PERSPECTIVE ? a : -params.eye.xyz / params.eye.z;
 }

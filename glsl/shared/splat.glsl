@@ -108,8 +108,7 @@ Splat project(uint i, Point point) {
         return s;
     }
 
-    bool perspective = is_perspective();
-    vec3 v = normalize(perspective ? s.centre - params.eye.xyz : -params.eye.xyz);
+    vec3 v = normalize(PERSPECTIVE ? s.centre - params.eye.xyz : -params.eye.xyz);
     s.normal = -v;
     if (HAS_NORMAL && point.normal != NO_NORMAL) {
         s.normal = normalize(vec4(octahedral(point.normal), 0.0) * params.eye_from_cloud);
@@ -153,14 +152,14 @@ Splat project(uint i, Point point) {
         }
         // A footprint that comes close to the eye is cast in eye space, where 1 − (a0, b0) · h would cancel; the affine form
         // has no such term.
-        bool near_eye = s.depth - reach < max(params.near, perspective && !APPROXIMATE ? 0.1 * s.depth : params.near);
+        bool near_eye = s.depth - reach < max(params.near, PERSPECTIVE && !APPROXIMATE ? 0.1 * s.depth : params.near);
         // Sprites leave those to the quads. Software devices run both sides of a branch, so this is a constant's.
         if (near_eye && !CASTS) {
             s.status = TOO_LARGE;
             return s;
         }
         // Only a disk that reaches the near plane has no bounded image: the part beyond that plane has.
-        bool clipped = CASTS && s.depth - reach < max(params.near, perspective && !APPROXIMATE ? 1e-3 * s.depth : params.near);
+        bool clipped = CASTS && s.depth - reach < max(params.near, PERSPECTIVE && !APPROXIMATE ? 1e-3 * s.depth : params.near);
         if (clipped) {
             s.box = clipped_box(s.centre, s.radius * t1, s.radius * t2);
         }
@@ -175,7 +174,7 @@ Splat project(uint i, Point point) {
             vec4 axes = s.radius * vec4(j1, nv * jm);           // (A.x, A.y, B.x, B.y)
             vec2 square = axes.xy * axes.xy + axes.zw * axes.zw;
             vec4 image;
-            if (APPROXIMATE || !perspective) {
+            if (APPROXIMATE || !PERSPECTIVE) {
                 vec2 extent = sqrt(square) / w;
                 image = vec4(-extent, extent);
             } else {

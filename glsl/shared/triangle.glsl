@@ -39,7 +39,7 @@ void triangle() {
     float z = -centre.z;
     // Only the near plane clips, as it does splats: without perspective what lies beyond the far plane is kept up to 16 times
     // as deep.
-    float depth = is_perspective() ? params.near : 1.0 - (1.0 - internal_depth(z)) / 16.0;
+    float depth = PERSPECTIVE ? params.near : 1.0 - (1.0 - internal_depth(z)) / 16.0;
     gl_Position = vec4(dot(params.pixel_x, h) / params.middle.x, dot(params.pixel_y, h) / params.middle.y, depth, dot(params.pixel_w, h));
     // In the cloud's own frame, whatever the hand of eye space.
     if (CULL_BACK && dot(across, a * params.test_eye.w - params.test_eye.xyz) > 0.0) {

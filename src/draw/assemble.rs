@@ -121,8 +121,8 @@ impl Scene<'_> {
                 Shown { runs: resident_runs(cloud, &list, may_be_large), ..Shown::default() }
             }
         };
-        let pairs = camera.needs_pairs(input.extent);
-        let variant = |large| Variant::new(Role::Visibility, plan, style, &traits, targets, large, pairs);
+        let lens = camera.lens(input.extent);
+        let variant = |large| Variant::new(Role::Visibility, plan, style, &traits, targets, large, lens);
         let main = variant(Large::Never);
         let params = (all.params.len() as u64 * PARAMS_STRIDE) as u32;
         all.params.push(block);

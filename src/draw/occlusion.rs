@@ -17,7 +17,6 @@ use crate::host::CloudId;
 use super::patches::Seen;
 use super::splats::{Bindings, Draw, RUN_STAGES};
 use super::targets::Targets;
-use super::variant::{Role, Variant};
 
 /// Vertices of an icosahedron, as `glsl/draw/occlusion.vert` makes them.
 const VERTICES: u32 = 60;
@@ -108,9 +107,9 @@ pub fn record(
     let uses = vec![Use::Image(&mut targets.depth, Access::DepthWrite)];
     let pass = PassTargets { colors: &[], depth, extent, layers: 1 };
     recorder.draw("occlusion", uses, &pass, |context, cmd| {
-        let pipeline = bindings.pipelines.get(&Variant::plain(Role::Occlusion));
-        context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
         for draw in draws.iter().filter(|d| !d.tests.is_empty()) {
+            let pipeline = bindings.pipelines.get(&draw.main.of_balls());
+            context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
             bindings.begin(context, cmd, draw);
             for (number, ball) in draw.tests.clone().zip(&draw.balls) {
                 let push = RunPush { first: 0, count: 0, least: 0.0, table: *ball, padding: [] };

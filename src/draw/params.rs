@@ -9,6 +9,22 @@ use crate::select::View;
 use crate::structure::flat::Block;
 use crate::style::{EyeDome, Footprint, Shading, Style};
 
+/// What of a view its shaders are specialised to.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct Lens {
+    /// Orthographic otherwise.
+    pub perspective: bool,
+    /// Projected centres are computed in pairs of floats.
+    pub pairs: bool,
+}
+
+impl Lens {
+    /// The same for what has no centres.
+    pub fn single(self) -> Lens {
+        Lens { pairs: false, ..self }
+    }
+}
+
 /// What every cloud in a view shares.
 #[derive(Debug, Clone, Copy)]
 pub struct Camera {
@@ -112,15 +128,17 @@ impl Camera {
         [self.pixel_x - middle.x * self.pixel_w, self.pixel_y - middle.y * self.pixel_w, self.pixel_w]
     }
 
-    /// Whether projected centres must be computed in pairs of floats, to be good enough for weights within 10⁻⁴.
+    /// What this takes for pictures of `extent` pixels.
     ///
-    /// In single floats they are off by up to 3.1·10⁻⁵ px at 960 px from the middle (measured over the stress suite, half a
-    /// rounding of that distance), in proportion to that distance and to how far the picture lies off the view's axis;
-    /// everything else displaces a footprint by 3.4·10⁻⁶ px. 10⁻⁴ is 5.55 times 1.8·10⁻⁵ px, which leaves 450 px.
-    pub fn needs_pairs(&self, extent: vk::Extent2D) -> bool {
+    /// Projected centres must be computed in pairs of floats where weights would not be good within 10⁻⁴ otherwise. In single
+    /// floats they are off by up to 3.1·10⁻⁵ px at 960 px from the middle (measured over the stress suite, half a rounding of
+    /// that distance), in proportion to that distance and to how far the picture lies off the view's axis; everything else
+    /// displaces a footprint by 3.4·10⁻⁶ px. 10⁻⁴ is 5.55 times 1.8·10⁻⁵ px, which leaves 450 px.
+    pub fn lens(&self, extent: vk::Extent2D) -> Lens {
         let half = 0.5 * extent.width.max(extent.height) as f64;
         let [x, y, _] = self.middle_rows(extent);
-        half + x.z.abs().max(y.z.abs()).max(x.w.abs()).max(y.w.abs()) > SINGLE_REACH
+        let reach = half + x.z.abs().max(y.z.abs()).max(x.w.abs()).max(y.w.abs());
+        Lens { perspective: self.eye.w != 0.0, pairs: reach > SINGLE_REACH }
     }
 
     /// The shaders' block of one cloud with this origin and these bounds.

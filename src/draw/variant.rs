@@ -16,6 +16,7 @@ use crate::style::{Ellipse, Front, Interval, Style, SumPrecision, Voronoi};
 use crate::technique::Blend;
 
 use super::layers::LAYER_DEPTH;
+use super::params::Lens;
 use super::plan::{CloudTraits, FramePlan};
 use super::targets::{DEPTH, FRONT, SURFACE, TargetPlan, sums_format};
 
@@ -136,8 +137,8 @@ pub struct Variant {
     pub colors: bool,
     /// LARGE.
     pub large: Large,
-    /// PAIRS.
-    pub pairs: bool,
+    /// PERSPECTIVE and PAIRS.
+    pub lens: Lens,
     /// VORONOI.
     pub voronoi: Voronoi,
     /// FRONT_FIRST.
@@ -169,8 +170,7 @@ pub enum Large {
 }
 
 impl Variant {
-    /// The variant that draws a cloud in a pass. `large` unless never: as quads. `pairs`: as
-    /// [`Camera::needs_pairs`](super::params::Camera::needs_pairs) says.
+    /// The variant that draws a cloud in a pass. `large` unless never: as quads.
     pub fn new(
         role: Role,
         plan: &FramePlan,
@@ -178,7 +178,7 @@ impl Variant {
         cloud: &CloudTraits,
         targets: &TargetPlan,
         large: Large,
-        pairs: bool,
+        lens: Lens,
     ) -> Variant {
         Variant {
             role,
@@ -190,7 +190,7 @@ impl Variant {
             normals: cloud.normals,
             colors: cloud.colors,
             large,
-            pairs,
+            lens,
             voronoi: plan.voronoi,
             front: style.front,
             surface: if plan.blend == Blend::Groups { plan.lit } else { targets.surface },
@@ -228,7 +228,7 @@ impl Variant {
             normals: false,
             colors: false,
             large: Large::Never,
-            pairs: false,
+            lens: Lens::default(),
             voronoi: Voronoi::Off,
             front: Front::Nearest,
             surface: false,
@@ -248,12 +248,17 @@ impl Variant {
             footprint: 0,
             approximate: false,
             large: Large::Never,
-            pairs: false,
+            lens: self.lens.single(),
             voronoi: Voronoi::Off,
             test: None,
             listed: false,
             ..self
         }
+    }
+
+    /// The variant that tests the same cloud's balls.
+    pub fn of_balls(self) -> Variant {
+        Variant { lens: self.lens.single(), ..Variant::plain(Role::Occlusion) }
     }
 
     /// The same for points whose numbers compaction has listed.
@@ -271,7 +276,7 @@ impl Variant {
             (self.colors && self.role != Role::Visibility) as u32,
             self.large as u32,
             (self.large != Large::Never || self.role == Role::Count) as u32,
-            self.pairs as u32,
+            self.lens.pairs as u32,
             match self.voronoi {
                 Voronoi::Off => 0,
                 Voronoi::Cones => 1,
@@ -293,6 +298,7 @@ impl Variant {
                 Packing::Quantised => 2 + (self.normals && self.colors) as u32,
             },
             self.layered as u32,
+            self.lens.perspective as u32,
         ];
         let sum = ColorTarget { format: sums_format(self.sums), blend: BlendMode::Replace };
         let surface = ColorTarget { format: SURFACE, blend: BlendMode::Replace };

@@ -136,11 +136,10 @@ impl Renderer {
         for before in full_screen {
             built += self.composite.ensure_before(&self.context, before)? as u32;
         }
-        if views.iter().flatten().any(|d| !d.tests.is_empty()) {
-            let variant = Variant::plain(Role::Occlusion);
-            built += self.pipelines.ensure(&self.context, &self.splats, variant)? as u32;
-        }
         for draw in views.iter().flatten() {
+            if !draw.tests.is_empty() {
+                built += self.pipelines.ensure(&self.context, &self.splats, draw.main.of_balls())? as u32;
+            }
             for &role in roles {
                 let triangles = (!draw.faces.is_empty()).then_some(draw.triangles.0);
                 for variant in [draw.main, draw.large].into_iter().chain(triangles) {

@@ -2,7 +2,7 @@
 //! within a derived bound.
 //!
 //! Where the bound comes from: `surfel::standalone::stress`. Fragments are displaced by up to δ = 1.8·10⁻⁵ px (a projected
-//! centre is good to 3·10⁻⁶ px in a picture of this size, `Camera::needs_pairs`; axes and normals round by some 8·2⁻²⁴ of
+//! centre is good to 3·10⁻⁶ px in a picture of this size, `Camera::lens`; axes and normals round by some 8·2⁻²⁴ of
 //! an offset of up to 30 px), and 5.55 δ bounds colour and coverage of a pixel with footprints of 1 px and more; others are
 //! more sensitive by a factor that the reference knows. Light adds what it makes of the mean normal: 2 for the lamp at the
 //! eye, 3.4 more for the highlight. Discs and squares have no weights: only light is rounded, some 10⁻⁶ of a colour up to

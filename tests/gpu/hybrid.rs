@@ -29,7 +29,7 @@ const SIDES: usize = 9;
 /// Those, and what splats may be off.
 const TIES: usize = SIDES + FEW;
 
-fn hybrid(rule: ErrorRule, closed: bool) -> Cloud {
+pub fn hybrid(rule: ErrorRule, closed: bool) -> Cloud {
     let mut cloud = torus(48, 20);
     cloud.closed = closed;
     let options = sequential::Options { rule, blocks: 300, ..Default::default() };

@@ -67,7 +67,7 @@ impl Model {
 }
 
 /// Draws until nothing is missing.
-fn complete(off: &mut Offscreen, shot: &Shot) -> FrameStats {
+pub fn complete(off: &mut Offscreen, shot: &Shot) -> FrameStats {
     let start = Instant::now();
     loop {
         let (stats, _) = off.draw(shot).expect("a frame");

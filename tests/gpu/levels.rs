@@ -30,7 +30,7 @@ fn torus() -> Flat {
     Flat::new(&colored_torus(6000))
 }
 
-fn tree(flat: &Flat, options: sequential::Options) -> Cloud {
+pub fn tree(flat: &Flat, options: sequential::Options) -> Cloud {
     let mut tree = Sequential::build(flat, &options);
     tree.flat.groups = Some(groups(&tree.flat));
     Arc::new(tree).into()
@@ -75,7 +75,7 @@ pub fn near() -> View {
     View::look_at(dvec3(0.9, 0.5, 0.6), dvec3(0.6, 0.0, 0.0), DVec3::Y, lens, DepthConvention::Reversed)
 }
 
-fn orthographic() -> View {
+pub fn orthographic() -> View {
     let lens = View::orthographic(2.6, SIZE[0] as f64 / SIZE[1] as f64, 0.1, 20.0);
     View::look_at(dvec3(1.6, 1.1, 1.9), DVec3::ZERO, DVec3::Y, lens, DepthConvention::Reversed)
 }

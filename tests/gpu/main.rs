@@ -34,6 +34,7 @@ mod raw;
 mod scene_files;
 mod seeded;
 mod selftest;
+mod steady;
 mod stress;
 #[path = "../common/vulkan.rs"]
 mod vulkan;
