@@ -39,6 +39,8 @@ pub(super) struct Grown {
     normals: DVec3,
     /// How far a sample below or in it was moved at most.
     error: f32,
+    /// Radii of the ancestors' samples, until their nodes are finished.
+    pub found: Vec<f32>,
 }
 
 impl Grown {
@@ -72,7 +74,13 @@ impl Grown {
 
 impl Maker<'_> {
     /// Encodes the patch of a node whose children are finished.
-    pub fn finish(&self, draft: Draft, own: Vec<Sample>, children: [Option<Box<Grown>>; 2]) -> Result<Box<Grown>> {
+    pub fn finish(
+        &self,
+        draft: Draft,
+        own: Vec<Sample>,
+        children: [Option<Box<Grown>>; 2],
+        found: Vec<f32>,
+    ) -> Result<Box<Grown>> {
         let below = || children.iter().flatten();
         // Nothing below is covered worse than the whole.
         let spacing = below().map(|c| c.node.spacing).fold(draft.spacing, f32::max);
@@ -94,7 +102,7 @@ impl Maker<'_> {
             bytes: 0,
             checksum: 0,
         };
-        let mut grown = Box::new(Grown { node, children, patch: vec![], normals: DVec3::ZERO, error: 0.0 });
+        let mut grown = Box::new(Grown { node, children, patch: vec![], normals: DVec3::ZERO, error: 0.0, found });
         let own = self.patch(&mut grown, own)?;
         let below = || grown.children.iter().flatten();
         let reach = below().map(|c| c.node.reach).fold(0.0, f32::max);

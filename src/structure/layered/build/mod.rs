@@ -140,7 +140,7 @@ pub struct Built {
 /// was there before. Temporary files lie beside it and have no name. They take 24 B a point, twice that while a level is
 /// dealt out; with estimated normals 52 B.
 ///
-/// A sample without a radius gets the spacing of the deepest node at its place. Memory is [`Options::memory`] and 48 B a
+/// A sample without a radius gets one by its neighbours in the finest node at its place. Memory is [`Options::memory`] and 48 B a
 /// thousand points for the index; what a reader must hold in full comes on top ([`Pieces`] says which).
 ///
 /// # Errors

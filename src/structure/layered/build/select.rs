@@ -185,9 +185,9 @@ fn distances(asked: &[Vec3], near: &[Vec3], radius: f32) -> Vec<f32> {
     out
 }
 
-/// Spacing of points that nothing refines: the median, over a few of them, of what MODEL calls the radius from data, h = d₈
-/// √(π/8) times 1 for even samplings to 1.6 for random ones. `own` are among `all`. 0 where they are at one place.
-pub(super) fn density(own: &[Vec3], all: &[Vec3]) -> f32 {
+/// Spacing of points that nothing refines, ascending, of a few of them: what MODEL calls the radius from data, h = d₈ √(π/8) times 1
+/// for even samplings to 1.6 for random ones. `own` are among `all`. Empty where they are at one place.
+pub(super) fn spacings(own: &[Vec3], all: &[Vec3]) -> Vec<f32> {
     const ASKED: usize = 48;
     const K: usize = 8;
     const CHUNK: usize = 32;
@@ -226,11 +226,14 @@ pub(super) fn density(own: &[Vec3], all: &[Vec3]) -> f32 {
             found.push(h * (2.2 - 1.2 * best[0].sqrt() / h).clamp(1.0, 1.6));
         }
     }
-    if found.is_empty() {
-        return 0.0;
-    }
-    let middle = found.len() / 2;
-    *found.select_nth_unstable_by(middle, f32::total_cmp).1
+    found.sort_unstable_by(f32::total_cmp);
+    found
+}
+
+/// The median of [`spacings`]; 0 where there are none.
+pub(super) fn density(own: &[Vec3], all: &[Vec3]) -> f32 {
+    let found = spacings(own, all);
+    found.get(found.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]
