@@ -34,6 +34,7 @@ mod raw;
 mod scene_files;
 mod seeded;
 mod selftest;
+#[cfg(target_os = "linux")]
 mod steady;
 mod stress;
 #[path = "../common/vulkan.rs"]

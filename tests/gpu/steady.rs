@@ -51,7 +51,6 @@ fn steady(off: &mut Offscreen, name: &str, shot: &Shot) -> FrameStats {
 }
 
 #[test]
-#[cfg(target_os = "linux")]
 fn frames_keep_no_memory() {
     if std::env::var_os(ALONE).is_none() {
         let mut alone = Command::new(std::env::current_exe().expect("this test"));

@@ -229,8 +229,8 @@ impl Maker<'_> {
     }
 
     /// Radii of a leaf's records that have none; with the ancestors' samples, which lie among them, that is all there is in the leaf's
-    /// region. One for all where they lie evenly, else as a flat cloud's are found, which takes ten times as long. What lies beyond the
-    /// leaf's border is not asked: there it is a border of the surface as well.
+    /// region. One for all where they lie evenly, else as a flat cloud's are found, which takes longer. What lies beyond the leaf's
+    /// border is not asked: there it is a border of the surface as well.
     /// Returns those of the ancestors' samples; none where none is wanted.
     fn radii(&self, own: &mut [Sample], region: &Region, above: &Above) -> Vec<f32> {
         let all = || own.iter().chain(&above.samples);
