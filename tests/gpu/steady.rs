@@ -1,7 +1,7 @@
 //! Frames keep no memory: drawing the same again and again takes none that the first frames did not.
 //!
 //! Not only ours: a driver may keep something for every frame as well. Lavapipe of Mesa 22.3 compiles a shader that branches on
-//! parameters whenever it is bound, and keeps the copy until the pipeline goes: 300 KB each.
+//! parameters whenever it is bound, and keeps the copy until the pipeline goes: half a MB each.
 
 use std::process::Command;
 
@@ -22,7 +22,7 @@ use crate::vulkan;
 /// Set for the process that measures: memory is a process's, and tests share one.
 const ALONE: &str = "SURFEL_TEST_ALONE";
 const FRAMES: u64 = 8;
-/// KB that as many frames may add: a twentieth of one such copy a frame.
+/// KB that as many frames may add: a twentieth of the least that any blend's frame took with such copies, 320 KB.
 const MOST: u64 = FRAMES * 16;
 /// What grows must grow every time: the allocator's own growth ends.
 const ROUNDS: u32 = 4;

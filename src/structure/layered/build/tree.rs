@@ -23,6 +23,8 @@ use crate::structure::octahedral;
 pub(super) const GROWING: u64 = 96;
 /// No leaf's spacing is more than this times what covers its parent.
 const STRAY: f32 = 4.0;
+/// Fewer points do not tell a surface from strays: each is asked for 16 neighbours.
+const FEW: usize = 17;
 /// Subtrees of fewer samples are one task.
 const TASK: usize = 1 << 15;
 
@@ -250,9 +252,11 @@ impl Maker<'_> {
                 cloud.radii.unwrap_or_default()
             }
         };
-        // Strays are not covered as if there were a surface between them.
-        let most = if above.most > 0.0 { STRAY * above.most } else { f32::MAX };
-        found.iter_mut().for_each(|r| *r = r.min(most));
+        // Strays are not covered as if there were a surface between them. More points tell for themselves; what covers the parent's points
+        // is no bound there, since where they are thin all of them are its samples.
+        if found.len() < FEW && above.most > 0.0 {
+            found.iter_mut().for_each(|r| *r = r.min(STRAY * above.most));
+        }
         let of_others = found.split_off(own.len());
         own.iter_mut().zip(found).filter(|(s, _)| s.radius == 0.0).for_each(|(s, r)| s.radius = r);
         of_others
@@ -311,7 +315,7 @@ impl Maker<'_> {
         let found = *radii.select_nth_unstable_by(at, f32::total_cmp).1;
         // Strays are not covered as if there were a surface between them.
         let most = if above.most > 0.0 { (STRAY * above.most).min(f32::MAX) } else { f32::MAX };
-        let spacing = if found > 0.0 { found.min(most) } else { above.most };
+        let spacing = found.min(most);
         let (published, total) = published(above, records.len() as u64, records.len(), spacing);
         Draft { level: above.level, centre, ball: square.sqrt(), spacing, most, published, total, ..Draft::default() }
     }
@@ -367,7 +371,11 @@ fn even(own: &[Sample], region: &Region, above: &Above) -> Option<f32> {
     let mut found = select::spacings(&points[..own.len()], &points);
     found.extend(select::spacings(&points[own.len()..], &points));
     found.sort_unstable_by(f32::total_cmp);
-    let (least, most, middle) = (*found.first()?, *found.last()?, found[found.len() / 2]);
+    let Some(&middle) = found.get(found.len() / 2) else {
+        // All at one place: what covers the parent's region, if there is one.
+        return (above.most > 0.0).then_some(above.most);
+    };
+    let (least, most) = (found[0], found[found.len() - 1]);
     let even = least >= 0.4 * middle && most <= 2.0 * middle;
     even.then(|| found[found.len() * 9 / 10] * region.extent())
 }
