@@ -16,6 +16,8 @@
 //! Memory: about 40 bytes a distinct point, 16 more while building. Distances are f32; squares that overflow count as
 //! `f32::MAX`.
 
+use std::ops::Range;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -28,6 +30,8 @@ const SERIAL_BUILD: usize = 1 << 13;
 
 /// Most neighbours that a search can be asked for.
 pub const MAX_NEIGHBOURS: usize = 32;
+/// For up to so many, which is what radii take, there is code of its own.
+const FEW: usize = 16;
 
 /// A neighbour: how far, and which distinct point. Ordered by distance, then rank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -49,6 +53,20 @@ impl Neighbour {
     /// Rank of the point in its [`Tree`].
     pub fn rank(self) -> usize {
         self.0 as u32 as usize
+    }
+
+    /// The same order again: doubles of these bits are finite and not negative. Of two doubles the lesser is one instruction, for
+    /// several pairs at a time, which it is not for integers.
+    fn before(self, other: Neighbour) -> bool {
+        f64::from_bits(self.0) < f64::from_bits(other.0)
+    }
+
+    fn nearer(self, other: Neighbour) -> Neighbour {
+        if self.before(other) { self } else { other }
+    }
+
+    fn farther(self, other: Neighbour) -> Neighbour {
+        if other.before(self) { self } else { other }
     }
 }
 
@@ -215,25 +233,40 @@ impl Tree {
         visit: &(impl Fn(usize, &[Neighbour], &mut T) + Sync),
         done: &(impl Fn(usize) + Sync),
     ) {
-        let base = self.start(first);
         if last - first > TASK_LEAVES {
             let middle = first.midpoint(last);
-            let (a, b) = out.split_at_mut(self.start(middle) - base);
+            let (a, b) = out.split_at_mut(self.start(middle) - self.start(first));
             rayon::join(
                 || self.search_leaves(first, middle, k, a, visit, done),
                 || self.search_leaves(middle, last, k, b, visit, done),
             );
             return;
         }
-        let mut block = Block::new(k);
-        for l in first..last {
+        if k <= FEW {
+            self.search_blocks::<T, FEW>(first..last, k, out, visit)
+        } else {
+            self.search_blocks::<T, MAX_NEIGHBOURS>(first..last, k, out, visit)
+        }
+        done(out.len());
+    }
+
+    /// `N` is at least `k`.
+    fn search_blocks<T, const N: usize>(
+        &self,
+        leaves: Range<usize>,
+        k: usize,
+        out: &mut [T],
+        visit: &(impl Fn(usize, &[Neighbour], &mut T) + Sync),
+    ) {
+        let mut block = Block::<N>::new(k);
+        let base = self.start(leaves.start);
+        for l in leaves {
             let (start, end) = (self.start(l), self.start(l + 1));
             block.search(self, l);
             for rank in start..end {
                 visit(rank, block.found(rank - start), &mut out[rank - base]);
             }
         }
-        done(out.len());
     }
 
     fn start(&self, leaf: usize) -> usize {
@@ -297,22 +330,22 @@ fn split(items: &mut [Item], n: usize, depth: u32, m: usize, leaf_depth: u32) {
     }
 }
 
-/// The search state of one leaf's points.
-struct Block {
+/// The search state of one leaf's points, with room for `N` neighbours of each.
+struct Block<const N: usize> {
     k: usize,
     points: [[f32; 3]; LEAF],
     len: usize,
     start: usize,
     /// The k best so far of each point, sorted.
-    best: [[Neighbour; MAX_NEIGHBOURS]; LEAF],
+    best: [[Neighbour; N]; LEAF],
     /// The worst k-th distance of the block.
     reach: f32,
     stack: Vec<usize>,
 }
 
-impl Block {
+impl<const N: usize> Block<N> {
     fn new(k: usize) -> Self {
-        let best = [[Neighbour::NONE; MAX_NEIGHBOURS]; LEAF];
+        let best = [[Neighbour::NONE; N]; LEAF];
         Block { k, points: [[0.0; 3]; LEAF], len: 0, start: 0, best, reach: 0.0, stack: Vec::with_capacity(64) }
     }
 
@@ -327,7 +360,7 @@ impl Block {
         self.len = tree.start(leaf + 1) - self.start;
         for i in 0..self.len {
             self.points[i] = tree.items[self.start + i].position;
-            self.best[i][..self.k].fill(Neighbour::NONE);
+            self.best[i] = [Neighbour::NONE; N];
         }
         self.compare(tree, leaf);
         let count = tree.leaves.len();
@@ -362,7 +395,7 @@ impl Block {
         let mut reach = 0.0f32;
         for q in 0..self.len {
             let p = self.points[q];
-            let best = &mut self.best[q][..k];
+            let best = &mut self.best[q];
             let limit = best[k - 1].distance_squared();
             if bounds.distance_squared_to(&p) < limit {
                 let d: [f32; LEAF] = std::array::from_fn(|i| length_squared([x[i] - p[0], y[i] - p[1], z[i] - p[2]]));
@@ -386,15 +419,12 @@ impl Block {
     }
 }
 
-/// Puts `new` into its place if it is among the best.
-fn insert(best: &mut [Neighbour], new: Neighbour) {
-    let mut at = best.len() - 1;
-    if best[at] <= new {
-        return;
+/// Puts `new` into its place among the sorted; what was last falls out. All places at once and without a branch: a search for the
+/// place is guessed wrong at nearly every neighbour.
+fn insert<const N: usize>(best: &mut [Neighbour; N], new: Neighbour) {
+    let old = *best;
+    best[0] = old[0].nearer(new);
+    for at in 1..N {
+        best[at] = old[at].nearer(old[at - 1].farther(new));
     }
-    while at > 0 && best[at - 1] > new {
-        best[at] = best[at - 1];
-        at -= 1;
-    }
-    best[at] = new;
 }
