@@ -68,7 +68,11 @@ struct Current {
     /// What makes depth of the splats for what is tested against it, for blends that have it elsewhere.
     front_depth: Option<Before>,
     resolve: resolve::Variant,
-    area: vk::Rect2D,
+    /// The picture in the host's target.
+    offset: vk::Offset2D,
+    extent: vk::Extent2D,
+    /// What of it anything is drawn in, in any view.
+    reached: vk::Rect2D,
     clouds: Vec<CloudId>,
     views: Vec<Vec<Draw>>,
     count: bool,
@@ -231,7 +235,7 @@ impl Renderer {
         let scene = Scene { input, plan: &plan, targets: targets.plan, sprite_limit, cameras: &cameras };
         let supply::Streamed { table, tested, models } = self.stream(&scene, &mut stats);
         let of_instances: Vec<&DeviceCloud> = input.instances.iter().map(|i| self.cloud(i)).collect();
-        let Assembly { views, params, listing } = scene.assemble(&of_instances);
+        let Assembly { views, params, listing, area } = scene.assemble(&of_instances);
         let any_large = views.iter().flatten().any(Draw::has_large);
         let keep = input.keep_lists && !listing.is_empty();
         self.slots[slot].ensure_lists(&mut self.context, &listing, keep)?;
@@ -302,7 +306,9 @@ impl Renderer {
             before,
             front_depth,
             resolve,
-            area: vk::Rect2D { offset: input.offset, extent: input.extent },
+            offset: input.offset,
+            extent: input.extent,
+            reached: area.of(input.extent),
             clouds,
             views,
             count: input.count,
@@ -337,9 +343,15 @@ impl Renderer {
             let (context, composite, set) = (&self.context, &self.composite, slot.frame_set);
             let layers = self.layers.as_ref().filter(|_| current.plan.layers > 0);
             let folded = layers.map(|l| (l.set, current.plan.layers));
-            let seed = current
-                .before
-                .map(|before| move |cmd| composite.draw_before(context, cmd, before, set, layer as u32, folded));
+            let reached = current.reached;
+            let seed = current.before.map(|before| {
+                move |cmd| {
+                    if matches!(before, Before::Fold { .. }) {
+                        context.set_scissor(cmd, reached);
+                    }
+                    composite.draw_before(context, cmd, before, set, layer as u32, folded)
+                }
+            });
             let front_depth = |cmd| {
                 let before = current.front_depth.expect("planned for blends that need it");
                 composite.draw_before(context, cmd, before, set, layer as u32, folded)
@@ -386,7 +398,10 @@ impl Renderer {
         if let Some(timestamps) = &mut slot.timestamps {
             timestamps.begin(&self.context, cmd, "composite", views);
         }
-        self.composite.resolve(&self.context, cmd, current.resolve, slot.frame_set, current.area);
+        let Current { offset, extent, reached, .. } = current;
+        let within = vk::Offset2D { x: offset.x + reached.offset.x, y: offset.y + reached.offset.y };
+        let (area, reached) = (vk::Rect2D { offset, extent }, vk::Rect2D { offset: within, ..reached });
+        self.composite.resolve(&self.context, cmd, current.resolve, slot.frame_set, (area, reached));
         if let Some(timestamps) = &mut slot.timestamps {
             timestamps.end(&self.context, cmd, views);
         }

@@ -182,6 +182,16 @@ pub struct Style {
     pub interval: Interval,
 }
 
+impl Style {
+    /// What a footprint covers beyond its radius \[px\].
+    pub(crate) fn footprint_margin(&self) -> f64 {
+        match self.footprint {
+            Footprint::Pixels(side) => 0.5 * side as f64,
+            Footprint::Splat => self.low_pass as f64,
+        }
+    }
+}
+
 impl Default for Style {
     fn default() -> Self {
         Style {

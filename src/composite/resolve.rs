@@ -249,19 +249,20 @@ impl Composite {
         1
     }
 
-    /// Draws the picture inside the host's pass.
+    /// Draws the picture inside the host's pass: the area that it takes, and what of that is not empty.
     pub fn resolve(
         &self,
         context: &Context,
         cmd: vk::CommandBuffer,
         variant: Variant,
         set: vk::DescriptorSet,
-        area: vk::Rect2D,
+        (area, reached): (vk::Rect2D, vk::Rect2D),
     ) {
         // llvmpipe (Mesa 22.3) draws a triangle that it has to clip into view 0 alone, once for every view: with several
         // views nothing leaves the clip volume.
         let (first, vertices) = if self.formats.view_mask == 0 { (0, 3) } else { (3, 6) };
         context.set_area(cmd, area);
+        context.set_scissor(cmd, reached);
         context.bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.resolve[&variant]);
         context.bind_sets(cmd, vk::PipelineBindPoint::GRAPHICS, self.program.layout, 0, &[set], &[]);
         context.draw(cmd, first, vertices);

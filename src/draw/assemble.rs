@@ -5,9 +5,10 @@ use crate::host::{FrameInput, Instance};
 use crate::select::{DrawList, Sight, Slabs, View, cut};
 use crate::structure::flat::Block;
 use crate::structure::packing::Packed;
-use crate::style::Voronoi;
+use crate::style::{Ellipse, Voronoi};
 use crate::technique::Selection;
 
+use super::area::Area;
 use super::cloud::DeviceCloud;
 use super::faces::face_runs;
 use super::large::{may_hold_large, whole_in_front};
@@ -43,6 +44,8 @@ pub struct Assembly {
     pub params: Vec<DrawParams>,
     /// What is compacted.
     pub listing: Listing,
+    /// What of the picture all of it can reach, in any view.
+    pub area: Area,
 }
 
 impl Scene<'_> {
@@ -113,11 +116,25 @@ impl Scene<'_> {
             let low_pass = style.low_pass as f64;
             !plan.pixels && may_hold_large(block, camera, &matrix, radius_scale, low_pass, input.extent, *sprite_limit)
         };
+        let mut reach = |block: &Block| {
+            // The affine approximation of a disc is larger than the disc on its far side, by less than half where it is drawn so.
+            let grown = if style.ellipse == Ellipse::Approximate { 1.5 } else { 1.0 };
+            all.area.add(block, camera, &matrix, grown * style.radius_scale as f64, style.footprint_margin());
+        };
         let mut list = DrawList::default();
         let Shown { runs: submitted, doubtful, tests, balls } = match &cloud.patches {
-            Some(patches) => patches.shown(Seen { view, instance }, may_be_large),
+            Some(patches) => patches.shown(Seen { view, instance }, |block| {
+                reach(block);
+                may_be_large(block)
+            }),
             None => {
                 cut::cut(&cloud.cloud, &sight, style, plan.culls(style, &traits), 0, &mut list);
+                if !list.spans.is_empty() {
+                    reach(&Block { radius: cloud.bounds.radius.max(list.least()), ..cloud.bounds });
+                }
+                if !list.triangles.is_empty() {
+                    cloud.cloud.triangles().iter().flat_map(|faces| &faces.blocks).for_each(reach);
+                }
                 Shown { runs: resident_runs(cloud, &list, may_be_large), ..Shown::default() }
             }
         };
@@ -194,7 +211,7 @@ fn resident_runs(cloud: &DeviceCloud, list: &DrawList, may_be_large: impl Fn(&Bl
         return Vec::new();
     }
     let blocks = &cloud.flat().blocks;
-    let least = list.spans.iter().map(|s| s.least).fold(0.0, f32::max);
+    let least = list.least();
     // A radius that is nowhere too large: most blocks are done with by that alone.
     let whole =
         |halvings: i32| Block { radius: cloud.bounds.radius.max(least) * 0.5f32.powi(halvings), ..cloud.bounds };

@@ -1,5 +1,6 @@
 //! The passes that draw splats into the library's own targets: one file a blend.
 
+pub mod area;
 pub mod assemble;
 pub mod cloud;
 pub mod count;

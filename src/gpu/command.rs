@@ -109,11 +109,15 @@ impl Context {
             min_depth: 0.0,
             max_depth: 1.0,
         };
-        // SAFETY: the module's contract; pipelines have both as dynamic state.
-        unsafe {
-            self.device.cmd_set_viewport(cmd, 0, &[viewport]);
-            self.device.cmd_set_scissor(cmd, 0, &[area]);
-        }
+        // SAFETY: the module's contract; pipelines have it as dynamic state.
+        unsafe { self.device.cmd_set_viewport(cmd, 0, &[viewport]) };
+        self.set_scissor(cmd, area);
+    }
+
+    /// Scissor alone: part of an area.
+    pub fn set_scissor(&self, cmd: vk::CommandBuffer, area: vk::Rect2D) {
+        // SAFETY: the module's contract; pipelines have it as dynamic state.
+        unsafe { self.device.cmd_set_scissor(cmd, 0, &[area]) };
     }
 
     /// A pool for `sets` sets.

@@ -13,7 +13,6 @@ use crate::gpu::pass::{Recorder, Use};
 use crate::gpu::upload::Upload;
 use crate::host::CloudId;
 use crate::stats::{FrameStats, Skip};
-use crate::style::{Footprint, Style};
 
 /// Copies to record, and the cloud that they fill; none for what belongs to the renderer.
 pub(super) struct Staged {
@@ -28,15 +27,6 @@ pub(super) struct Streamed {
     pub tested: Vec<Tested>,
     /// In the order of the statistics.
     pub models: Vec<CloudId>,
-}
-
-/// What a footprint covers beyond its radius \[px\].
-fn footprint_margin(style: &Style) -> f64 {
-    match style.footprint {
-        Footprint::Pixels(side) => 0.5 * side as f64,
-        Footprint::Splat => style.low_pass as f64,
-    }
-    .max(1.0)
 }
 
 impl Renderer {
@@ -62,8 +52,8 @@ impl Renderer {
     pub(super) fn stream(&mut self, scene: &Scene, stats: &mut FrameStats) -> Streamed {
         let input = scene.input;
         let mut streamed = Streamed::default();
-        let margin =
-            self.context.enabled.conditional.then(|| footprint_margin(input.style) / input.style.threshold as f64);
+        let margin = input.style.footprint_margin().max(1.0) / input.style.threshold as f64;
+        let margin = self.context.enabled.conditional.then_some(margin);
         for instance in input.instances {
             let (id, done) = (instance.cloud, &mut streamed.models);
             let Some(cloud) = self.clouds.get_mut(&id).filter(|c| c.patches.is_some() && !done.contains(&id)) else {

@@ -44,6 +44,11 @@ impl DrawList {
         push(&mut self.triangles, span);
     }
 
+    /// The largest of the spans' least radii \[cloud units\].
+    pub fn least(&self) -> f32 {
+        self.spans.iter().map(|s| s.least).fold(0.0, f32::max)
+    }
+
     /// Number of points submitted.
     pub fn submitted(&self) -> u64 {
         self.spans.iter().map(|s| s.count as u64).sum()

@@ -4,7 +4,7 @@ use glam::{DMat4, DVec3, DVec4, Vec3, dvec4};
 
 use super::View;
 use crate::structure::nodes::Test;
-use crate::style::{Footprint, Style};
+use crate::style::Style;
 
 /// A view of one instance, in the coordinates of its cloud, relative to the cloud's origin. Lengths are in cloud units.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,11 +24,7 @@ impl Sight {
     /// Of a picture of `extent` pixels. The transform is a similarity, from the cloud's world to the scene's, and `origin`
     /// the cloud's.
     pub fn new(view: &View, extent: [u32; 2], transform: &DMat4, origin: DVec3, style: &Style) -> Sight {
-        // What a point covers beyond its radius [px].
-        let margin = match style.footprint {
-            Footprint::Pixels(side) => 0.5 * side as f64,
-            Footprint::Splat => style.low_pass as f64,
-        };
+        let margin = style.footprint_margin();
         let view = view.right_handed();
         let eye_from_cloud = view.view * *transform * DMat4::from_translation(origin);
         let eye = eye_from_cloud.inverse() * view.centre_of_projection();
@@ -96,6 +92,7 @@ impl Sight {
 mod tests {
     use super::*;
     use crate::select::DepthConvention;
+    use crate::style::Footprint;
 
     /// Of 100 × 100 px, 1 px wide at distance 1, from a cloud's origin along −Z.
     fn sight(projection: DMat4, style: &Style, scale: f64) -> Sight {
