@@ -50,6 +50,8 @@ pub struct Requirements {
     pub interlock: vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT<'static>,
     /// Of `VK_EXT_conditional_rendering`; chain it where `extensions` has that name.
     pub conditional: vk::PhysicalDeviceConditionalRenderingFeaturesEXT<'static>,
+    /// Of `VK_EXT_multi_draw`; chain it where `extensions` has that name.
+    pub multi_draw: vk::PhysicalDeviceMultiDrawFeaturesEXT<'static>,
 }
 
 /// Names of optional items that more than one place asks for.
@@ -57,6 +59,7 @@ const ORDER: &str = "rasterizationOrderColorAttachmentAccess";
 const TURNS: &str = "fragmentShaderPixelInterlock";
 const LAYER: &str = "shaderOutputLayer";
 const CONDITION: &str = "conditionalRendering";
+const MULTI: &str = "multiDraw";
 
 /// Storage buffers that one stage may use: all shaders of the splats share a layout, which has 7 for points and 8 for
 /// selection, cuts and counts. Vulkan alone guarantees 4 (1.3, "Required Limits").
@@ -74,6 +77,7 @@ impl Requirements {
         let mut order = vk::PhysicalDeviceRasterizationOrderAttachmentAccessFeaturesEXT::default();
         let mut turns = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default();
         let mut condition = vk::PhysicalDeviceConditionalRenderingFeaturesEXT::default();
+        let mut multi = vk::PhysicalDeviceMultiDrawFeaturesEXT::default();
         let mut core = vk::PhysicalDeviceFeatures::default();
         // SAFETY: as above. A device that cannot even list its extensions has none.
         let listed = unsafe { instance.enumerate_device_extension_properties(physical_device) }.unwrap_or_default();
@@ -90,6 +94,9 @@ impl Requirements {
             if has(ext::conditional_rendering::NAME) {
                 chain = chain.push_next(&mut condition);
             }
+            if has(ext::multi_draw::NAME) {
+                chain = chain.push_next(&mut multi);
+            }
             // SAFETY: as above, and the chain's structs are known to Vulkan 1.3 or the extensions that are there.
             unsafe { instance.get_physical_device_features2(physical_device, &mut chain) };
             core = chain.features;
@@ -100,6 +107,7 @@ impl Requirements {
             && core.shader_storage_image_extended_formats == vk::TRUE;
         let layer = v12.shader_output_layer == vk::TRUE;
         let condition = condition.conditional_rendering == vk::TRUE;
+        let multi = multi.multi_draw == vk::TRUE;
         let supports = |format, wanted| {
             // SAFETY: as above.
             let found = unsafe { instance.get_physical_device_format_properties(physical_device, format) };
@@ -126,12 +134,14 @@ impl Requirements {
             item(TURNS, "fuzzy by interlock: two-pass is drawn, unless attachments can be read in order", false, turns),
             item(LAYER, "groups: two-pass is drawn", false, layer),
             item(CONDITION, "occlusion tests of layered point clouds: what is hidden is drawn too", false, condition),
+            item(MULTI, "one command for many runs of points: each has its own", false, multi),
             item("timestampComputeAndGraphics", "GPU times in the statistics", false, timestamps),
         ];
         let mut extensions = Vec::new();
         extensions.extend(order.then_some(ext::rasterization_order_attachment_access::NAME));
         extensions.extend(turns.then_some(ext::fragment_shader_interlock::NAME));
         extensions.extend(condition.then_some(ext::conditional_rendering::NAME));
+        extensions.extend(multi.then_some(ext::multi_draw::NAME));
         Requirements {
             items,
             extensions,
@@ -147,6 +157,7 @@ impl Requirements {
             interlock: vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
                 .fragment_shader_pixel_interlock(turns),
             conditional: vk::PhysicalDeviceConditionalRenderingFeaturesEXT::default().conditional_rendering(condition),
+            multi_draw: vk::PhysicalDeviceMultiDrawFeaturesEXT::default().multi_draw(multi),
             vulkan13: vk::PhysicalDeviceVulkan13Features::default()
                 .dynamic_rendering(true)
                 .synchronization2(true)
@@ -166,6 +177,9 @@ impl Requirements {
         }
         if self.extensions.contains(&ext::conditional_rendering::NAME) {
             info = info.push_next(&mut self.conditional);
+        }
+        if self.extensions.contains(&ext::multi_draw::NAME) {
+            info = info.push_next(&mut self.multi_draw);
         }
         info
     }
@@ -190,6 +204,7 @@ impl Requirements {
                 TURNS => self.extensions.retain(|e| *e != ext::fragment_shader_interlock::NAME),
                 LAYER => self.vulkan12.shader_output_layer = vk::FALSE,
                 CONDITION => self.extensions.retain(|e| *e != ext::conditional_rendering::NAME),
+                MULTI => self.extensions.retain(|e| *e != ext::multi_draw::NAME),
                 _ => {}
             }
         }
@@ -207,6 +222,7 @@ impl Requirements {
             interlock: if has(TURNS) { Interlock::Pixel } else { Interlock::Absent },
             output_layer: has(LAYER),
             conditional: has(CONDITION),
+            multi_draw: has(MULTI),
             debug_utils,
         }
     }
@@ -364,6 +380,7 @@ mod tests {
                 interlock,
                 output_layer: true,
                 conditional: true,
+                multi_draw: true,
                 debug_utils: true,
             };
             let bindings = shaders(&enabled).into_iter().flat_map(|shader| shader.bindings);

@@ -134,8 +134,12 @@ pub fn runs(spans: &[Span], chunks: &[[u32; 2]], blocks: &[Block], large: &[u32]
 
 impl Run {
     fn goes_on_with(&self, next: &Run) -> bool {
+        self.first + self.count == next.first && self.shares_all_with(next)
+    }
+
+    /// Whether nothing has to be bound between them.
+    fn shares_all_with(&self, next: &Run) -> bool {
         self.chunk == next.chunk
-            && self.first + self.count == next.first
             && (self.least.to_bits(), self.table) == (next.least.to_bits(), next.table)
             && self.range.is_none()
             && next.range.is_none()
@@ -177,15 +181,15 @@ impl Bindings<'_> {
         for draw in draws.iter().filter(|d| !d.is_empty()) {
             let mut bound = self.begin(context, cmd, draw);
             calls += self.faces(context, cmd, role, draw);
-            let mut runs = draw.runs.iter().copied().peekable();
-            while let Some(mut run) = runs.next() {
-                while let Some(next) = runs.next_if(|next| run.goes_on_with(next)) {
-                    run.count += next.count;
-                }
-                calls += self.run(context, cmd, &mut bound, draw, Variant { role, ..draw.main }, &run);
+            let joined = draw.runs.chunk_by(Run::goes_on_with);
+            let joined: Vec<Run> =
+                joined.map(|part| Run { count: part.iter().map(|r| r.count).sum(), ..part[0] }).collect();
+            for part in joined.chunk_by(Run::shares_all_with) {
+                calls += self.runs(context, cmd, &mut bound, draw, Variant { role, ..draw.main }, part);
             }
-            for run in draw.runs.iter().filter(|r| r.large) {
-                calls += self.run(context, cmd, &mut bound, draw, Variant { role, ..draw.large }, run);
+            for part in draw.runs.chunk_by(Run::shares_all_with) {
+                let large: Vec<Run> = part.iter().filter(|r| r.large).copied().collect();
+                calls += self.runs(context, cmd, &mut bound, draw, Variant { role, ..draw.large }, &large);
             }
         }
         calls
@@ -213,9 +217,9 @@ impl Bindings<'_> {
         for draw in draws.iter().filter(|d| !d.is_empty()) {
             let mut bound = self.begin(context, cmd, draw);
             calls += self.faces(context, cmd, role, draw);
-            for run in &draw.runs {
-                let variant = if run.large { draw.large } else { draw.main };
-                calls += self.run(context, cmd, &mut bound, draw, Variant { role, ..variant }, run);
+            for part in draw.runs.chunk_by(|a, b| a.large == b.large && a.shares_all_with(b)) {
+                let variant = if part[0].large { draw.large } else { draw.main };
+                calls += self.runs(context, cmd, &mut bound, draw, Variant { role, ..variant }, part);
             }
         }
         calls
@@ -239,9 +243,10 @@ impl Bindings<'_> {
                 let (main, large) = (Variant { role, ..draw.main }, Variant { role, ..draw.large });
                 tests.where_visible(context, cmd, *number, || {
                     let first = if ordered && run.large { large } else { main };
-                    calls += self.run(context, cmd, &mut bound, draw, first, run);
-                    if run.large && !ordered {
-                        calls += self.run(context, cmd, &mut bound, draw, large, run);
+                    let run = std::slice::from_ref(run);
+                    calls += self.runs(context, cmd, &mut bound, draw, first, run);
+                    if run[0].large && !ordered {
+                        calls += self.runs(context, cmd, &mut bound, draw, large, run);
                     }
                 });
             }
@@ -287,15 +292,17 @@ impl Bindings<'_> {
         context.bind_sets(cmd, vk::PipelineBindPoint::GRAPHICS, self.program.layout, number, &[set], offsets);
     }
 
-    fn run(
+    /// Records runs that share all that is bound; one with a range is alone. Returns the number of draw calls.
+    fn runs(
         &self,
         context: &Context,
         cmd: vk::CommandBuffer,
         bound: &mut Bound,
         draw: &Draw,
         variant: Variant,
-        run: &Run,
+        runs: &[Run],
     ) -> u32 {
+        let Some(run) = runs.first() else { return 0 };
         let chunk = &self.clouds[draw.cloud].chunks[run.chunk];
         let indirect = run.range.map(|range| {
             let lists = self.lists.expect("lists were made for ranges");
@@ -332,14 +339,21 @@ impl Bindings<'_> {
                 let at = at + std::mem::offset_of!(Command, vertices) as u64;
                 context.draw_indirect(cmd, lists.commands.handle, at);
             }
-            (false, None) => context.draw(cmd, run.first, run.count),
+            (false, None) => {
+                let info = |run: &Run| vk::MultiDrawInfoEXT { first_vertex: run.first, vertex_count: run.count };
+                return context.draw_each(cmd, &runs.iter().map(info).collect::<Vec<_>>());
+            }
             (true, None) => {
-                let end = run.first + run.count;
-                for first in (run.first..end).step_by(BLOCK) {
-                    // As many as there are indices at most; the vertices lie in the chunk's buffers.
-                    context.draw_indexed(cmd, 6 * (end - first).min(BLOCK as u32), 4 * first as i32);
+                let mut calls = 0;
+                for run in runs {
+                    let end = run.first + run.count;
+                    for first in (run.first..end).step_by(BLOCK) {
+                        // As many as there are indices at most; the vertices lie in the chunk's buffers.
+                        context.draw_indexed(cmd, 6 * (end - first).min(BLOCK as u32), 4 * first as i32);
+                        calls += 1;
+                    }
                 }
-                return run.count.div_ceil(BLOCK as u32);
+                return calls;
             }
         }
         1

@@ -35,6 +35,8 @@ pub struct Enabled {
     pub timestamps: bool,
     /// Extension `VK_EXT_conditional_rendering` and its feature `conditionalRendering`.
     pub conditional: bool,
+    /// Extension `VK_EXT_multi_draw` and its feature `multiDraw`.
+    pub multi_draw: bool,
     /// Instance extension `VK_EXT_debug_utils`.
     pub debug_utils: bool,
 }
@@ -55,6 +57,8 @@ pub struct Context {
     pub allocated: u64,
     debug: Option<ext::debug_utils::Device>,
     conditional: Option<ext::conditional_rendering::Device>,
+    /// With how many draws one command may have.
+    multi_draw: Option<(ext::multi_draw::Device, usize)>,
     instance: ash::Instance,
     physical_device: vk::PhysicalDevice,
 }
@@ -73,6 +77,13 @@ impl Context {
         let limits = unsafe { instance.get_physical_device_properties(physical_device) }.limits;
         let debug = enabled.debug_utils.then(|| ext::debug_utils::Device::new(instance, &device));
         let conditional = enabled.conditional.then(|| ext::conditional_rendering::Device::new(instance, &device));
+        let multi_draw = enabled.multi_draw.then(|| {
+            let mut most = vk::PhysicalDeviceMultiDrawPropertiesEXT::default();
+            let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut most);
+            // SAFETY: as above; the device has the extension that knows the struct.
+            unsafe { instance.get_physical_device_properties2(physical_device, &mut properties) };
+            (ext::multi_draw::Device::new(instance, &device), most.max_multi_draw_count.max(1) as usize)
+        });
         Context {
             device,
             limits,
@@ -82,6 +93,7 @@ impl Context {
             allocated: 0,
             debug,
             conditional,
+            multi_draw,
             instance: instance.clone(),
             physical_device,
         }
@@ -130,6 +142,26 @@ impl Context {
         if let Some(conditional) = &self.conditional {
             // SAFETY: recording, and one was begun in the same pass by `begin_condition`.
             unsafe { (conditional.fp().cmd_end_conditional_rendering_ext)(cmd) };
+        }
+    }
+
+    /// Draws runs of vertices one after the other, by as few commands as the device can; returns how many. Bound streams hold them.
+    pub fn draw_each(&self, cmd: vk::CommandBuffer, runs: &[vk::MultiDrawInfoEXT]) -> u32 {
+        match &self.multi_draw {
+            Some((multi, most)) if runs.len() > 1 => {
+                let stride = size_of::<vk::MultiDrawInfoEXT>() as u32;
+                for part in runs.chunks(*most) {
+                    // SAFETY: recording, all that the pipeline reads is bound (the callers'), and no more draws than the device takes.
+                    unsafe {
+                        (multi.fp().cmd_draw_multi_ext)(cmd, part.len() as u32, part.as_ptr(), 1, 0, stride);
+                    }
+                }
+                runs.len().div_ceil(*most) as u32
+            }
+            _ => {
+                runs.iter().for_each(|run| self.draw(cmd, run.first_vertex, run.vertex_count));
+                runs.len() as u32
+            }
         }
     }
 

@@ -120,7 +120,7 @@ impl Engine {
             let mut v12 = requirements.vulkan12.timeline_semaphore(true);
             let (mut v11, mut v13) = (requirements.vulkan11, requirements.vulkan13);
             let (mut order, mut turns) = (requirements.rasterization_order, requirements.interlock);
-            let mut conditional = requirements.conditional;
+            let (mut conditional, mut multi) = (requirements.conditional, requirements.multi_draw);
             let mut core = vk::PhysicalDeviceFeatures { fill_mode_non_solid: vk::TRUE, ..requirements.features };
             if layers.gpu_assisted {
                 (core.vertex_pipeline_stores_and_atomics, core.fragment_stores_and_atomics) = (vk::TRUE, vk::TRUE);
@@ -156,6 +156,9 @@ impl Engine {
             }
             if requirements.extensions.contains(&ext::conditional_rendering::NAME) {
                 info = info.push_next(&mut conditional);
+            }
+            if requirements.extensions.contains(&ext::multi_draw::NAME) {
+                info = info.push_next(&mut multi);
             }
             let device = instance.create_device(physical_device, &info, None).expect("a device");
             let queue = device.get_device_queue(family, 0);

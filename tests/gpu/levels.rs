@@ -6,7 +6,7 @@ use glam::{DMat4, DQuat, DVec3, dvec3};
 use surfel::load::{PointCloud, synthetic};
 use surfel::readback::Picture;
 use surfel::select::{DepthConvention, DrawList, Sight, View, cut};
-use surfel::standalone::{Offscreen, Shot};
+use surfel::standalone::{Offscreen, Options, Shot};
 use surfel::structure::groups::{Groups, Relax};
 use surfel::structure::nodes::ErrorRule;
 use surfel::structure::{Cloud, Flat, Octree, Sequential, octree, sequential};
@@ -168,6 +168,45 @@ fn compaction_lists_what_the_oracle_says_in_its_order() {
             off.renderer.remove(id);
         }
     });
+}
+
+#[test]
+fn runs_that_one_command_draws_are_those_drawn_one_by_one() {
+    let flat = torus();
+    let mut found = Vec::new();
+    for without in [Vec::new(), vec!["multiDraw".to_string()]] {
+        let asked = without.is_empty();
+        let mut drawn = Vec::new();
+        vulkan::draw_with(&Options { without, ..vulkan::options() }, SIZE, true, |off| {
+            assert!(asked || !off.standalone().enabled.multi_draw);
+            for (name, cloud) in all(&flat) {
+                let id = off.renderer.add(cloud).expect("a cloud");
+                let instances = &[Instance { cloud: id, transform: DMat4::IDENTITY }];
+                for (blend, primitive) in [
+                    (Blend::Opaque, Primitive::Point),
+                    (Blend::TwoPass, Primitive::Quad),
+                    (Blend::Fuzzy, Primitive::Point),
+                    (Blend::Groups, Primitive::Point),
+                ] {
+                    let technique = Technique { blend, primitive, ..Technique::default() };
+                    let style = &Style { threshold: 4.0, ..Style::default() };
+                    let shot = Shot { view: &near(), instances, technique, style, count: true };
+                    let (stats, _) = off.draw(&shot).expect("a frame");
+                    let picture = vulkan::digest(&off.read().expect("a picture"));
+                    drawn.push((format!("{name}, {blend}"), picture, stats.points_drawn, stats.draw_calls));
+                }
+                off.renderer.remove(id);
+            }
+            found.push((off.standalone().enabled.multi_draw, drawn.clone()));
+        });
+    }
+    let [(multi, together), (_, apart)] = &found[..] else { panic!("two devices") };
+    for (a, b) in together.iter().zip(apart) {
+        assert_eq!((&a.0, a.1, a.2), (&b.0, b.1, b.2), "the same picture");
+        assert!(a.3 <= b.3, "{}: {} draw calls, {} one by one", a.0, a.3, b.3);
+    }
+    let calls = |all: &[(String, u64, Option<u64>, u32)]| all.iter().map(|d| d.3).sum::<u32>();
+    assert_eq!(calls(together) < calls(apart), *multi, "{} draw calls, {}", calls(together), calls(apart));
 }
 
 #[test]

@@ -162,8 +162,9 @@ impl Octree {
         self.options == *options && self.points as usize == flat.len() && self.cloud == fingerprint(flat)
     }
 
-    /// Adds the spans that a view needs of one instance.
+    /// Adds the spans that a view needs of one instance, by their least radii, in stored order where those are the same.
     pub fn select(&self, sight: &Sight, instance: u32, list: &mut DrawList) {
+        let before = list.spans.len();
         let mut push = |first, count, least| list.push(Span { instance, first, count, least });
         push(0, self.loose, 0.0);
         let mut at = 0;
@@ -188,6 +189,8 @@ impl Octree {
             }
             at = next;
         }
+        // Averages lie apart from points. What has a least radius and a buffer in common is drawn by one command.
+        list.spans[before..].sort_unstable_by_key(|span| (span.least.to_bits(), span.first));
     }
 
     /// Adds a block at a depth, at the coarsest level with that spacing.
