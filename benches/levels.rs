@@ -3,7 +3,7 @@
 //! Three parts, each with its table:
 //! 1. The viewpoints of paper 002 (distance, border, centre; direction 30° of azimuth) on every structure, beside the published
 //!    frames a second in units of OneVBO's (its table 1); at `distance` also points a covered pixel, and the frame against
-//!    drawing as many bare points of a pixel.
+//!    drawing as many bare points: squares of the mean footprint's side (octrees, where selection tells the radii), and of a pixel.
 //! 2. Seeded views inside and around, the default structure against OneVBO.
 //! 3. A surface whose million points are already sub-pixel, with sixteen million.
 //!
@@ -19,7 +19,7 @@ use glam::{DMat4, DVec3, dvec3};
 use surfel::ash::vk;
 use surfel::load::{self, Bounds, PointCloud, attributes, synthetic};
 use surfel::measure::{Summary, published};
-use surfel::select::{DepthConvention, View};
+use surfel::select::{DepthConvention, DrawList, Sight, View};
 use surfel::standalone::{Offscreen, Options, Shot, Standalone, bare};
 use surfel::structure::nodes::ErrorRule;
 use surfel::structure::{Cloud, Flat, Octree, Sequential, octree, sequential};
@@ -28,7 +28,7 @@ use surfel::technique::{Blend, Structure, Technique};
 use surfel::{CloudId, FrameStats, Instance};
 
 /// The structure of the second part: of those that keep every point as it is, the fastest.
-const DEFAULT: Structure = Structure::Mospt;
+const DEFAULT: Structure = Structure::Poisson;
 
 struct Bench {
     off: Offscreen,
@@ -48,6 +48,7 @@ fn build(flat: &Arc<Flat>, structure: Structure) -> Cloud {
         Structure::Espt => octree(octree::Preset::Espt),
         Structure::Mospt => octree(octree::Preset::Mospt),
         Structure::RGrid => octree(octree::Preset::RGrid),
+        Structure::Poisson => octree(octree::Preset::Poisson),
         Structure::Sequential => tree(ErrorRule::Geometric, 10_000),
         Structure::OneSpt => tree(ErrorRule::Cell, 0),
         Structure::SptR => tree(ErrorRule::Cell, 10_000),
@@ -98,6 +99,24 @@ fn seeded(bounds: &Bounds, number: u64) -> View {
     };
     let target = middle + 0.5 * half * vector();
     facing(eye, eye - target, bounds)
+}
+
+/// Root of the mean squared side of the footprints that an octree submits, in whole pixels.
+fn footprint(built: &Cloud, view: &View, side: u32, blend: Blend) -> Option<f32> {
+    let Cloud::Octree(octree) = built else { return None };
+    let mut list = DrawList::default();
+    let style = style();
+    octree.select(&Sight::new(view, [side; 2], &DMat4::IDENTITY, octree.flat.origin, &style), 0, &mut list);
+    // `opaque` draws discs of r / √2.
+    let focal = view.focal(side as f64) * if blend == Blend::Opaque { 0.5f64.sqrt() } else { 1.0 };
+    let sides = list.spans.iter().flat_map(|span| (span.first..span.first + span.count).map(|i| (i, span.least)));
+    let squares = sides.map(|(i, least)| {
+        let [x, y, z, r] = octree.flat.point(i);
+        let p = octree.flat.origin + dvec3(x as f64, y as f64, z as f64);
+        let depth = -view.right_handed().view.transform_point3(p).z;
+        (2.0 * (r.max(least) as f64 * focal / depth).max(style.low_pass as f64)).powi(2)
+    });
+    Some((squares.sum::<f64>() / list.submitted().max(1) as f64).sqrt().round() as f32)
 }
 
 impl Bench {
@@ -160,7 +179,7 @@ impl Bench {
                     c.prepare.median,
                 );
                 if v == 0 {
-                    self.bare(&flat, view, &c);
+                    self.bare(&flat, &built, view, &c);
                 }
             }
             println!("  {:<12} built at {rate:.2} M points/s, {bytes:.1} B a point", structure.name());
@@ -183,27 +202,30 @@ impl Bench {
         self.off.renderer.remove(id);
     }
 
-    /// As many bare points of a pixel as the structure submits.
-    fn bare(&mut self, flat: &Flat, view: &View, c: &Compared) {
+    /// As many bare points as the structure submits.
+    fn bare(&mut self, flat: &Flat, built: &Cloud, view: &View, c: &Compared) {
         let count = (c.stats.points_submitted as usize).clamp(1, flat.len());
         let step = flat.len() / count;
         let points: Vec<[f32; 4]> = flat.geometry.iter().step_by(step.max(1)).take(count).copied().collect();
         let clip = (view.projection * view.view * DMat4::from_translation(flat.origin)).as_mat4();
         let extent = vk::Extent2D { width: self.side, height: self.side };
-        let frames = bare::measure(self.off.standalone(), &points, clip, 1.0, extent, self.rounds).expect("bare rate");
-        let Some(bare) = Summary::of(&frames) else { return };
-        println!(
-            "                        {:.2} points a covered pixel; {count} bare points: {:.1} ms, the frame {:.2} times that",
-            c.stats.points_submitted as f64 / c.covered,
-            bare.median,
-            c.ms.median / bare.median
-        );
+        println!("                        {:.2} points a covered pixel", c.stats.points_submitted as f64 / c.covered);
+        for size in footprint(built, view, self.side, self.technique.blend).into_iter().chain([1.0]) {
+            let frames =
+                bare::measure(self.off.standalone(), &points, clip, size, extent, self.rounds).expect("bare rate");
+            let Some(bare) = Summary::of(&frames) else { return };
+            println!(
+                "                        {count} bare points of {size} px: {:.1} ms, the frame {:.2} times that",
+                bare.median,
+                c.ms.median / bare.median
+            );
+        }
     }
 
     /// The same surface with more and more points.
     fn dense(&mut self, sizes: [usize; 2]) {
         println!("\nsphere, {0} x {0} px, {1}", self.side, self.technique.blend);
-        for structure in [Structure::Espt, Structure::Mospt, Structure::Sequential] {
+        for structure in [Structure::Poisson, Structure::Espt, Structure::Mospt, Structure::Sequential] {
             let clouds: Vec<(Bounds, CloudId)> = sizes
                 .iter()
                 .map(|&points| {

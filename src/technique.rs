@@ -27,6 +27,9 @@ pub enum Structure {
     Mospt,
     /// Blocks with points at the centres of cells, r³ to a cell (r-grids; 2006, section 3.2).
     RGrid,
+    /// Blocks of original points by level, each level a Poisson-disk sample (after McCool, Fiume: Hierarchical Poisson disk
+    /// sampling distributions, 1992).
+    Poisson,
 }
 
 /// Which points of the structure are drawn.
@@ -170,6 +173,7 @@ names!(Structure {
     Espt = "espt",
     Mospt = "mospt",
     RGrid = "r-grid",
+    Poisson = "poisson",
 });
 names!(Selection { Vertex = "vertex", Compute = "compute" });
 names!(Primitive { Point = "point", Quad = "quad" });

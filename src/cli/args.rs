@@ -206,9 +206,9 @@ pub struct LevelArgs {
     /// For structures with levels of detail: read from here if the file fits, else made and written here, so that they are made once.
     #[arg(long, value_name = "FILE")]
     pub tree: Option<PathBuf>,
-    /// For octrees, and for sequential without `--clusters`: most points a block.
-    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..1 << 24))]
-    pub block: u32,
+    /// For octrees, and for sequential without `--clusters`: most points a block; 5000 for poisson, else 10000.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..1 << 24))]
+    pub block: Option<u32>,
 }
 
 /// How the surface looks, whatever draws it.

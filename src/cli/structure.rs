@@ -93,7 +93,8 @@ pub fn level(
 ) -> Result<(Cloud, String)> {
     let step = progress.step(format!("structure {structure}"), 1);
     let octree = |preset| {
-        let options = octree::Options { block: args.block, ..octree::Options::new(preset) };
+        let usual = octree::Options::new(preset);
+        let options = octree::Options { block: args.block.unwrap_or(usual.block), ..usual };
         let made = || Octree::build(flat, &options);
         let tree = once(args, "octree", Octree::load, |tree| tree.is_of(flat, &options), made, Octree::save)?;
         let mut tree = tree.packed(args.packing);
@@ -104,7 +105,8 @@ pub fn level(
         }
         anyhow::Ok((tree.bytes(), tree.moved, Cloud::from(Arc::new(tree))))
     };
-    let blocks = if args.clusters { 0 } else { args.block };
+    let block = args.block.unwrap_or(LIST);
+    let blocks = if args.clusters { 0 } else { block };
     let options = |rule, blocks| {
         let clusters = args.clusters && blocks == 0;
         sequential::Options { rule, clusters, blocks, ..Default::default() }
@@ -142,11 +144,12 @@ pub fn level(
         Structure::Sequential => tree(args.error, blocks)?,
         Structure::Hybrid => hybrid()?,
         Structure::OneSpt => tree(ErrorRule::Cell, 0)?,
-        Structure::SptR => tree(ErrorRule::Cell, args.block)?,
+        Structure::SptR => tree(ErrorRule::Cell, block)?,
         Structure::VboR => octree(octree::Preset::VboR)?,
         Structure::Espt => octree(octree::Preset::Espt)?,
         Structure::Mospt => octree(octree::Preset::Mospt)?,
         Structure::RGrid => octree(octree::Preset::RGrid)?,
+        Structure::Poisson => octree(octree::Preset::Poisson)?,
         other => bail!("--structure {other} is for render alone"),
     };
     drop(step);
@@ -159,6 +162,9 @@ pub fn level(
     }
     Ok((cloud, said))
 }
+
+/// Most points of a list's part of the octree, where nothing else is asked for.
+const LIST: u32 = 10_000;
 
 /// What the file of `--tree` holds; made and written there where there is none.
 fn once<T>(

@@ -114,6 +114,7 @@ impl Cloud {
                 Preset::Espt => Structure::Espt,
                 Preset::Mospt => Structure::Mospt,
                 Preset::RGrid => Structure::RGrid,
+                Preset::Poisson => Structure::Poisson,
             },
             Cloud::Sequential(tree) => match (tree.options.rule, tree.options.blocks) {
                 (ErrorRule::Cell, 0) => Structure::OneSpt,

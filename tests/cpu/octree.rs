@@ -8,7 +8,17 @@ use surfel::structure::octree::{Options, Preset};
 use surfel::structure::{Flat, Octree, octahedral};
 use surfel::style::Style;
 
-const PRESETS: [Preset; 4] = [Preset::VboR, Preset::Espt, Preset::Mospt, Preset::RGrid];
+const PRESETS: [Preset; 5] = [Preset::VboR, Preset::Espt, Preset::Mospt, Preset::RGrid, Preset::Poisson];
+
+/// How large what stands for points that far apart may be at most: for Poisson-disk samples of points of radius `own`, √(2 s² + own² / 2),
+/// and the next of eight levels an octave.
+fn largest(preset: Preset, spacing: f64, own: f64) -> f64 {
+    if preset == Preset::Poisson {
+        0.125f64.exp2() * (2.0 * spacing.powi(2) + 0.5 * own.powi(2)).sqrt()
+    } else {
+        spacing
+    }
+}
 
 /// Numbers that are the same everywhere, 0 to 1.
 struct Random(u64);
@@ -74,7 +84,7 @@ fn originals(octree: &Octree, numbers: &[u32]) -> Vec<u32> {
 #[test]
 fn at_full_detail_every_point_is_drawn_once() {
     let cloud = scan(20_000, 1);
-    for preset in [Preset::VboR, Preset::Espt, Preset::Mospt] {
+    for preset in [Preset::VboR, Preset::Espt, Preset::Mospt, Preset::Poisson] {
         let octree = Octree::build(&cloud, &options(preset));
         let list = drawn(&octree, &sight(dvec3(6.0, 0.5, 0.2), DVec3::ZERO, 1e-6));
         let all: Vec<u32> = (0..20_000).collect();
@@ -98,7 +108,7 @@ fn every_visible_point_has_a_drawn_one_within_its_spacing() {
             let list = drawn(&octree, &sight);
             let mut all = numbers(&list);
             assert!(all.iter().all(|&i| (i as usize) < octree.flat.len()), "{preset}");
-            if matches!(preset, Preset::Espt | Preset::Mospt) {
+            if matches!(preset, Preset::Espt | Preset::Mospt | Preset::Poisson) {
                 assert!(all.len() <= cloud.len(), "{preset}");
             }
             reduced += (all.len() < cloud.len() / 2) as u32;
@@ -109,8 +119,13 @@ fn every_visible_point_has_a_drawn_one_within_its_spacing() {
                 let p = cloud.position(i);
                 let inside = sight.planes.iter().all(|q| q.truncate().dot(p.as_dvec3()) + q.w > 0.0);
                 if inside {
-                    // A cell of side s ≤ τ r holds both; a grid moves a point within its cell.
-                    let within = 3f64.sqrt() * sight.tau * (p.as_dvec3() - eye).length() + octree.moved as f64;
+                    // A cell of side s ≤ τ r holds both; a grid moves a point within its cell. What a Poisson-disk sample leaves out
+                    // lies within s of a point of it, for which one of a coarser cell may stand.
+                    let spacing = sight.tau * (p.as_dvec3() - eye).length();
+                    let within = match preset {
+                        Preset::Poisson => spacing + (1.0 + sight.tau) * spacing,
+                        _ => 3f64.sqrt() * spacing + octree.moved as f64,
+                    };
                     let nearest = places.iter().map(|q| q.distance(p)).fold(f32::INFINITY, f32::min);
                     assert!(nearest as f64 <= within * 1.001 + 1e-6, "{preset}, view {view}: {nearest} > {within}");
                 }
@@ -131,7 +146,8 @@ fn what_stands_for_others_is_as_large_as_their_spacing() {
         let least: Vec<f32> = list.spans.iter().map(|s| s.least).filter(|l| *l > 0.0).collect();
         // VBOsR has only whole blocks and what stands for one.
         assert!(preset == Preset::VboR || !least.is_empty(), "{preset}");
-        assert!(least.iter().all(|l| (*l as f64) <= spacing && *l as f64 > spacing / 20.0), "{preset}: {least:?}");
+        let most = largest(preset, spacing, 0.01) * (1.0 + 1e-6);
+        assert!(least.iter().all(|l| (*l as f64) <= most && *l as f64 > spacing / 20.0), "{preset}: {least:?}");
     }
 }
 
@@ -291,6 +307,39 @@ fn points_nearest_to_centres_come_first() {
     expected.sort_unstable();
     found.sort_unstable();
     assert!(found == expected);
+}
+
+#[test]
+fn every_level_is_a_poisson_disk_sample() {
+    // Across blocks: all of them are sampled together.
+    let mut cloud = scan(3000, 11);
+    cloud.geometry.extend_from_within(..200);
+    cloud.colors.as_mut().unwrap().extend_from_within(..200);
+    let octree = Octree::build(&cloud, &Options { block: 100, ..Options::new(Preset::Poisson) });
+    let [low, high] = cloud.bounds();
+    let side = (high - low).max_element();
+    let levels = octree.levels();
+    let place = |i: usize| octree.flat.position(i as u32);
+    assert_eq!(octree.flat.len(), 3200);
+    let mut sizes = Vec::new();
+    for level in (0..100).step_by(4) {
+        // Distances are squared in single floats.
+        let spacing = side / (level as f64 / 8.0).exp2();
+        let (drawn, left): (Vec<usize>, Vec<usize>) = (0..3200).partition(|&i| levels[i] <= level);
+        for (n, &i) in drawn.iter().enumerate() {
+            let near = drawn[..n].iter().map(|&k| place(k).distance(place(i))).fold(f32::INFINITY, f32::min);
+            assert!(near as f64 >= spacing * (1.0 - 1e-6), "level {level}: {near} < {spacing}");
+        }
+        for i in left {
+            let near = drawn.iter().map(|&k| place(k).distance(place(i))).fold(f32::INFINITY, f32::min);
+            assert!(near as f64 <= spacing * (1.0 + 1e-6), "level {level}: {near} > {spacing}");
+        }
+        sizes.push(drawn.len());
+    }
+    assert!(sizes[0] < 5 && sizes.last() == Some(&3000), "{sizes:?}: what lies twice is left for full detail");
+    assert!(sizes.iter().filter(|n| (100..2900).contains(*n)).count() > 5, "{sizes:?}");
+    let everything = drawn(&octree, &sight(dvec3(6.0, 0.5, 0.2), DVec3::ZERO, 1e-9));
+    assert_eq!(everything.submitted(), 3200);
 }
 
 #[test]

@@ -203,7 +203,7 @@ fn degenerate_clouds() {
 fn on_a_surface_errors_are_far_below_the_spacing() {
     let cloud = synthetic::scene("terrain", 60_000, 1).expect("a scene of this name");
     let flat = Flat::new(&cloud);
-    for preset in [Preset::VboR, Preset::Mospt, Preset::Espt] {
+    for preset in [Preset::VboR, Preset::Mospt, Preset::Espt, Preset::Poisson] {
         let full = Octree::build(&flat, &octree::Options { block: 2000, ..octree::Options::new(preset) });
         let packed = full.clone().packed(Packing::Quantised).flat;
         let mut shares: Vec<f32> = (0..packed.len() as u32)

@@ -207,7 +207,7 @@ fn a_far_view_submits_less_and_looks_the_same() {
         (count(&stats(&json)["points_submitted"]), covered(&picture))
     };
     let (all, pixels) = submitted("flat");
-    for structure in ["sequential", "one-spt", "spt-r", "espt", "mospt", "r-grid"] {
+    for structure in ["sequential", "one-spt", "spt-r", "espt", "mospt", "poisson", "r-grid"] {
         let (few, shown) = submitted(structure);
         assert!(few * 8 < all, "{structure}: {few} of {all}");
         // A rim of some 100 px may be a pixel wider or narrower.

@@ -14,7 +14,7 @@ fn trees_are_made_once() {
 
 #[test]
 fn octrees_are_made_once() {
-    for structure in ["mospt", "espt"] {
+    for structure in ["mospt", "espt", "poisson"] {
         made_once("scene:torus:3k", structure, &["--block", "500"], "a.tree: holds the octree of");
     }
 }
@@ -52,7 +52,7 @@ fn meshes_are_sampled() {
     let folder = Folder::new("render-samples");
     let (mesh, out, json) = (waves(&folder), folder.path("a.png"), folder.path("a.json"));
     let mut drawn = Vec::new();
-    for structure in ["flat", "sequential", "espt", "mospt"] {
+    for structure in ["flat", "sequential", "espt", "mospt", "poisson"] {
         let more = ["--samples", "20000", "--structure", structure, "--threshold", "0.01", "--stats", &json];
         let done = render(&[&mesh], &out, &more);
         assert_eq!(done.status.code(), Some(0), "{structure}: {}", stderr(&done));

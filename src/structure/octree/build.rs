@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 
 use super::average::{Sample, Stored, average};
-use super::{Block, Cell, Octree, Options, Preset, Run, grids, levels_a_depth};
+use super::{Block, Cell, Octree, Options, Preset, Run, grids, levels_a_depth, picks};
 use crate::par;
 use crate::structure::file::fingerprint;
 use crate::structure::morton::{Cube, LEVELS, axes};
@@ -40,9 +40,11 @@ pub(super) struct Builder<'a> {
     pub places: Vec<Place>,
     /// For MOSPTs: by place, the depth of the inner cell that a point stands for.
     pub above: Vec<u8>,
-    cells: Vec<Cell>,
+    pub cells: Vec<Cell>,
     /// Of each cell, its places.
     ranges: Vec<Range<usize>>,
+    /// By place, the level from which on a point is drawn, for Poisson-disk samples.
+    pub sampled: Vec<u8>,
     /// For MOSPTs: of each inner cell, the point that stands for it.
     picked: Vec<u32>,
 }
@@ -79,10 +81,13 @@ impl Octree {
         par::sort(&mut places);
         let above = vec![BELOW; if options.preset == Preset::Mospt { places.len() } else { 0 }];
         let deepest = (LEVELS / step) as u8;
-        let (cells, ranges, picked) = (Vec::new(), Vec::new(), Vec::new());
-        let mut builder = Builder { flat, options, cube, step, deepest, places, above, cells, ranges, picked };
+        let (cells, ranges, picked, sampled) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut builder = Builder { flat, options, cube, step, deepest, places, above, sampled, cells, ranges, picked };
         if options.preset == Preset::RGrid {
             builder.deepest = builder.grid_depth();
+        }
+        if options.preset == Preset::Poisson {
+            builder.sampled = builder.sample();
         }
         builder.build(&loose)
     }
@@ -115,16 +120,32 @@ impl Builder<'_> {
         })
     }
 
+    /// Ranges of places in the children of a cell.
+    pub fn children(&self, range: Range<usize>, depth: u8) -> impl Iterator<Item = Range<usize>> + use<'_> {
+        let mut start = range.start;
+        std::iter::from_fn(move || {
+            let digits = self.prefix(self.places.get(start).filter(|_| start < range.end)?.0, depth + 1);
+            let rest = &self.places[start..range.end];
+            let end = start + rest.partition_point(|place| self.prefix(place.0, depth + 1) <= digits);
+            let child = start..end;
+            start = end;
+            Some(child)
+        })
+    }
+
     fn build(mut self, loose: &[u32]) -> Octree {
         let mut blocks = Vec::new();
-        if !self.places.is_empty() {
-            self.split(0..self.places.len(), 0, &mut blocks);
+        let all = 0..self.places.len();
+        if self.options.preset == Preset::Poisson {
+            self.split_samples(all, 0, &mut blocks);
+        } else if !self.places.is_empty() {
+            self.split(all, 0, &mut blocks);
         }
-        let filled = par::map(&blocks, |&cell| self.fill(self.ranges[cell].clone(), self.cells[cell].level));
+        let filled = par::map(&blocks, |&cell| self.fill(self.ranges[cell].clone(), &self.cells[cell]));
 
         let mut entries: Vec<Entry> = loose.iter().map(|&i| Entry::Point(i)).collect();
         let mut represented = vec![NONE; self.cells.len()];
-        if self.options.preset != Preset::Mospt {
+        if !picks(self.options.preset) {
             // By depth: those of siblings are neighbours.
             let mut by_depth: Vec<usize> = (0..self.cells.len()).collect();
             by_depth.sort_by_key(|&cell| self.cells[cell].level);
@@ -188,6 +209,7 @@ impl Builder<'_> {
             sides,
             grids: grids(self.options, self.deepest),
         };
+        octree.measure();
         octree.enclose();
         octree
     }
@@ -209,11 +231,7 @@ impl Builder<'_> {
 
     /// Cells of a range of places, depth first.
     fn split(&mut self, range: Range<usize>, level: u8, blocks: &mut Vec<usize>) {
-        let own = self.cells.len();
-        let (min, max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        self.cells.push(Cell { min, max, reach: 0.0, level, skip: 0, represented_by: NONE, block: NONE });
-        self.ranges.push(range.clone());
-        self.picked.push(NONE);
+        let own = self.cell_of(range.clone(), level);
         if range.len() <= self.options.block.max(1) as usize || level == self.deepest {
             blocks.push(own);
         } else {
@@ -225,16 +243,19 @@ impl Builder<'_> {
                     self.picked[own] = self.places[nearest].1;
                 }
             }
-            let mut start = range.start;
-            while start < range.end {
-                let digits = self.prefix(self.places[start].0, level + 1);
-                let rest = &self.places[start..range.end];
-                let end = start + rest.partition_point(|place| self.prefix(place.0, level + 1) <= digits);
-                self.split(start..end, level + 1, blocks);
-                start = end;
-            }
+            let children: Vec<_> = self.children(range, level).collect();
+            children.into_iter().for_each(|child| self.split(child, level + 1, blocks));
         }
         self.cells[own].skip = self.cells.len() as u32;
+    }
+
+    /// Adds a cell of these places at a depth, without its descendants. Returns its number.
+    pub fn cell_of(&mut self, range: Range<usize>, level: u8) -> usize {
+        let (min, max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        self.cells.push(Cell { min, max, reach: 0.0, level, finest: 0, skip: 0, represented_by: NONE, block: NONE });
+        self.ranges.push(range);
+        self.picked.push(NONE);
+        self.cells.len() - 1
     }
 
     /// Of places, the point nearest to somewhere; of equals the first.

@@ -31,7 +31,16 @@ impl Cell {
     fn from_words(words: &[u32; CELL]) -> Cell {
         let v = |i: usize| Vec3::from_array([0, 1, 2].map(|k| f32::from_bits(words[i + k])));
         let [.., reach, level, skip, represented_by, block] = *words;
-        Cell { min: v(0), max: v(3), reach: f32::from_bits(reach), level: level as u8, skip, represented_by, block }
+        Cell {
+            min: v(0),
+            max: v(3),
+            reach: f32::from_bits(reach),
+            level: level as u8,
+            finest: 0,
+            skip,
+            represented_by,
+            block,
+        }
     }
 }
 
@@ -132,7 +141,7 @@ impl Octree {
         }
         let options = Options { preset, block, r };
         let deepest = sides.len().saturating_sub(1) as u8;
-        Ok(Octree {
+        let mut octree = Octree {
             flat: Flat { finest: (finest < f32::INFINITY).then_some(finest), ..flat },
             preset,
             options,
@@ -143,12 +152,14 @@ impl Octree {
             loose,
             blocks: halves
                 .map(|run| run.map(Run::from_words))
-                .map(|[points, averages]| Block { points, averages })
+                .map(|[points, averages]| Block { points, averages, own: 0.0 })
                 .collect(),
             ends,
             sides,
             grids: grids(&options, deepest),
-        })
+        };
+        octree.measure();
+        Ok(octree)
     }
 
     /// Writes a file: whole under its name, or not at all.

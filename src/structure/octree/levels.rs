@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::average::{Sample, Stored, average};
 use super::build::{BELOW, Builder, Entry, Place};
-use super::{Preset, along, levels_a_depth};
+use super::{Cell, Preset, along, levels_a_depth};
 use crate::structure::morton::{LEVELS, axes};
 
 /// Between two of the octree's levels is a grid where at least one in so many points shares its cell at the coarser one. Beyond,
@@ -25,18 +25,20 @@ struct Grid {
 }
 
 impl Builder<'_> {
-    /// Levels of the points of a block at a depth, and its averages.
-    pub fn fill(&self, range: Range<usize>, depth: u8) -> Filled {
+    /// Levels of the points of a cell that is a block, and its averages.
+    pub fn fill(&self, range: Range<usize>, cell: &Cell) -> Filled {
+        let depth = cell.level;
         let mut filled = match self.options.preset {
             Preset::VboR => Filled { points: range.map(|i| self.point(i, depth)).collect(), averages: Vec::new() },
             Preset::Mospt => Filled { points: self.picked_by_level(range, depth), averages: Vec::new() },
+            Preset::Poisson => Filled { points: self.samples(range, cell), averages: Vec::new() },
             Preset::Espt | Preset::RGrid => self.averaged(range, depth),
         };
         filled.points.sort_by_key(|(level, _)| *level);
         filled
     }
 
-    fn point(&self, i: usize, level: u8) -> (u8, Entry) {
+    pub fn point(&self, i: usize, level: u8) -> (u8, Entry) {
         (level, Entry::Point(self.places[i].1))
     }
 

@@ -13,6 +13,7 @@
 //! | ESPTs (4.3) | averages by level, and the points by the level from which on their cell holds no other | the averages of L, the points up to L |
 //! | MOSPTs (4.4) | the points alone: the one nearest a cell's centre stands for it | the points up to L |
 //! | r-grid (3.2) | as ESPTs, with r³ children a cell and every point at its cell's centre | as ESPTs |
+//! | Poisson (ours) | the points alone, by their distance from those before them in farthest-first order | the points up to L |
 //!
 //! *Half octaves* (ESPTs). Halving cells alone, those of the coarsest level that suffices are between τ d / 2 and τ d long, which is
 //! 3 / ln 4 = 2.16 times the points on a surface that cells of τ d would take. So between two of the octree's levels, k and k + 1
@@ -21,12 +22,23 @@
 //! up to a level is a prefix; until then an average stands for it, if need be of it alone. At every level each point is thus
 //! drawn or averaged once. Where few points share cells there is no such grid: it would save less than it takes.
 //!
+//! *Poisson-disk samples* (ours). Where one point stands for a cell, a surface meets 1.5 cells a square of the cell's side, and
+//! their points lie as far apart as chance has it. In farthest-first order (Gonzalez 1985) those whose distance to all before them is at
+//! least s are s apart, and every other point lies within s of one of them: some 0.6 points a square of s, at which s itself can be what the
+//! threshold asks for, in levels of an eighth octave. That is about a third of the points that ESPTs take. Samples whose radii shrink are
+//! McCool's and Fiume's (Hierarchical Poisson disk sampling distributions, 1992); here they are points of the scan. What is drawn gets
+//! at least the radius √(2 s² + r² / 2): gaps are s wide and not s / √2 as in a grid, for which radii are made, and what is left out,
+//! of mean radius r, reaches half of that into a gap of the scan. Inner cells hold points, too: those of the first levels, drawn along with their
+//! children's where those are needed, so that what is seen from afar is few runs.
+//!
 //! OneVBO is the flat array; OneSPT and SPTsR (3.3, 4.2) are tested point by point, see [`super::sequential`].
 
 mod average;
 mod build;
+mod farthest;
 mod file;
 mod levels;
+mod samples;
 
 use glam::Vec3;
 
@@ -47,9 +59,11 @@ pub enum Preset {
     Mospt,
     /// Averages and points at the centres of cells, by level.
     RGrid,
+    /// The points by level: at each a Poisson-disk sample of them all.
+    Poisson,
 }
 
-names!(Preset { VboR = "vbo-r", Espt = "espt", Mospt = "mospt", RGrid = "r-grid" });
+names!(Preset { VboR = "vbo-r", Espt = "espt", Mospt = "mospt", RGrid = "r-grid", Poisson = "poisson" });
 
 /// How an octree is built.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,9 +77,10 @@ pub struct Options {
 }
 
 impl Options {
-    /// At most 10,000 points a block, as published, and 4³ children in an r-grid.
+    /// At most 10,000 points a block, as published, and 4³ children in an r-grid. Half as many for Poisson-disk samples, whose
+    /// blocks are not what is drawn from afar.
     pub fn new(preset: Preset) -> Options {
-        Options { preset, block: 10_000, r: 4 }
+        Options { preset, block: if preset == Preset::Poisson { 5000 } else { 10_000 }, r: 4 }
     }
 }
 
@@ -109,11 +124,13 @@ pub struct Cell {
     pub reach: f32,
     /// Depth, 0 for the root.
     pub level: u8,
+    /// Of Poisson-disk samples, the last level of what is within.
+    finest: u8,
     /// Index of the next cell that is no descendant.
     pub skip: u32,
     /// The point that may stand for all.
     pub represented_by: u32,
-    /// Index of the block; [`NONE`]: an inner cell.
+    /// Index of the block; [`NONE`]: an inner cell, or of Poisson-disk samples one that holds none of its own.
     block: u32,
 }
 
@@ -122,11 +139,22 @@ pub struct Cell {
 struct Block {
     points: Run,
     averages: Run,
+    /// Of Poisson-disk samples, the mean radius of the points (of their squares) \[cloud units\].
+    own: f32,
 }
 
-/// Levels from a cell to its children. The grid of a level in between is none of the octree's.
+/// Levels from a cell to its children. The grid of a level in between is none of the octree's, and of a Poisson octree none at all.
 fn levels_a_depth(preset: Preset) -> u8 {
-    if preset == Preset::Espt { 2 } else { 1 }
+    match preset {
+        Preset::Espt => 2,
+        Preset::Poisson => 8,
+        Preset::VboR | Preset::Mospt | Preset::RGrid => 1,
+    }
+}
+
+/// Whether what stands for a cell is one of its own points, drawn along with those of finer levels.
+fn picks(preset: Preset) -> bool {
+    matches!(preset, Preset::Mospt | Preset::Poisson)
 }
 
 /// Cells along the edge of a block, so many levels below its own.
@@ -134,6 +162,7 @@ fn along(options: &Options, levels: u8) -> f64 {
     match options.preset {
         Preset::Espt => (0.5 * levels as f64).exp2().round(),
         Preset::RGrid => ((options.r.clamp(2, 8).ilog2() * levels as u32) as f64).exp2(),
+        Preset::Poisson => (levels as f64 / levels_a_depth(Preset::Poisson) as f64).exp2(),
         Preset::VboR | Preset::Mospt => (levels as f64).exp2(),
     }
 }
@@ -167,6 +196,16 @@ impl Octree {
         let before = list.spans.len();
         let mut push = |first, count, least| list.push(Span { instance, first, count, least });
         push(0, self.loose, 0.0);
+        if self.preset == Preset::Poisson {
+            self.select_samples(sight, &mut push);
+        } else {
+            self.select_cells(sight, &mut push);
+        }
+        // Averages lie apart from points. What has a least radius and a buffer in common is drawn by one command.
+        list.spans[before..].sort_unstable_by_key(|span| (span.least.to_bits(), span.first));
+    }
+
+    fn select_cells(&self, sight: &Sight, push: &mut impl FnMut(u32, u32, f32)) {
         let mut at = 0;
         while let Some(cell) = self.cells.get(at) {
             let distance = sight.distance(cell.min, cell.max);
@@ -185,12 +224,10 @@ impl Octree {
                 at += 1;
                 continue;
             } else {
-                self.block(&self.blocks[cell.block as usize], cell.level, spacing, &mut push);
+                self.block(&self.blocks[cell.block as usize], cell.level, spacing, push);
             }
             at = next;
         }
-        // Averages lie apart from points. What has a least radius and a buffer in common is drawn by one command.
-        list.spans[before..].sort_unstable_by_key(|span| (span.least.to_bits(), span.first));
     }
 
     /// Adds a block at a depth, at the coarsest level with that spacing.
@@ -216,7 +253,7 @@ impl Octree {
         push(first, self.up_to(&block.points, deepest), 0.0);
     }
 
-    /// Levels from a cell to its children: 2 for ESPTs, whose levels are half octaves, else 1.
+    /// Levels from a cell to its children: 2 for ESPTs, whose levels are half octaves, 8 for Poisson-disk samples, else 1.
     pub fn octave(&self) -> u8 {
         levels_a_depth(self.preset)
     }
@@ -232,8 +269,8 @@ impl Octree {
     /// Level of each point; 0 where there is none. Cells of depth d are level [`octave`](Self::octave) · d.
     pub fn levels(&self) -> Vec<u8> {
         let mut levels = vec![0; self.flat.len()];
-        if self.preset != Preset::Mospt {
-            // Averages of whole cells. Of MOSPTs one of the block's own points stands for them.
+        if !picks(self.preset) {
+            // Averages of whole cells. Else one of the block's own points stands for them.
             self.cells.iter().for_each(|cell| levels[cell.represented_by as usize] = self.octave() * cell.level);
         }
         for run in self.blocks.iter().flat_map(|block| [block.averages, block.points]) {
@@ -272,7 +309,7 @@ impl Octree {
                     (run.first..run.first + count).for_each(|i| hold(self.flat.point(i), own));
                 }
             }
-            if self.preset != Preset::Mospt {
+            if !picks(self.preset) {
                 hold(self.flat.point(cell.represented_by), 0.0);
             }
             let mut child = at + 1;
