@@ -206,7 +206,7 @@ pub struct LevelArgs {
     /// For structures with levels of detail: read from here if the file fits, else made and written here, so that they are made once.
     #[arg(long, value_name = "FILE")]
     pub tree: Option<PathBuf>,
-    /// For octrees, and for sequential without `--clusters`: most points a block; 5000 for poisson, else 10000.
+    /// For octrees, and for sequential without `--clusters`: most points a block; 4000 for poisson, else 10000.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..1 << 24))]
     pub block: Option<u32>,
 }

@@ -99,9 +99,7 @@ pub fn level(
         let tree = once(args, "octree", Octree::load, |tree| tree.is_of(flat, &options), made, Octree::save)?;
         let mut tree = tree.packed(args.packing);
         if let Some(relax) = relax {
-            let (levels, octave) = (tree.levels(), tree.octave());
-            let together = |a: usize, b: usize| levels[a].abs_diff(levels[b]) <= octave;
-            tree.flat.groups = Some(Groups::color_where(&tree.flat, relax, together)?);
+            tree.flat.groups = Some(tree.color(relax)?);
         }
         anyhow::Ok((tree.bytes(), tree.moved, Cloud::from(Arc::new(tree))))
     };

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use glam::{DMat4, DVec3, DVec4, Vec3, dvec3};
 use surfel::select::{DepthConvention, DrawList, Sight, View};
+use surfel::structure::groups::{Groups, Relax};
 use surfel::structure::octree::{Options, Preset};
 use surfel::structure::{Flat, Octree, octahedral};
 use surfel::style::Style;
@@ -340,6 +341,38 @@ fn every_level_is_a_poisson_disk_sample() {
     assert!(sizes.iter().filter(|n| (100..2900).contains(*n)).count() > 5, "{sizes:?}");
     let everything = drawn(&octree, &sight(dvec3(6.0, 0.5, 0.2), DVec3::ZERO, 1e-9));
     assert_eq!(everything.submitted(), 3200);
+}
+
+#[test]
+fn groups_hold_at_every_level() {
+    // Points of all levels up to one are drawn together, as large as that level has it; without perspective all blocks are at one.
+    let cloud = scan(6000, 12);
+    let relax = Relax { factor: 0.6, ..Relax::NONE };
+    for preset in [Preset::Mospt, Preset::Poisson] {
+        let octree = Octree::build(&cloud, &options(preset));
+        let groups = octree.color(&relax).expect("groups");
+        assert!(groups.conflicts == 0 && groups.of.len() == octree.flat.len(), "{preset}: {}", groups.conflicts);
+        let mut reduced = 0;
+        for threshold in [0.5f32, 2.0, 5.0, 8.0, 12.0, 16.0, 24.0, 40.0] {
+            let lens = View::orthographic(2.0, 1.0, 0.1, 9.0);
+            let view = View::look_at(4.0 * DVec3::X, DVec3::ZERO, DVec3::Z, lens, DepthConvention::Reversed);
+            let style = Style { threshold, ..Style::default() };
+            let sight = Sight::new(&view, [640, 640], &DMat4::IDENTITY, DVec3::ZERO, &style);
+            let list = drawn(&octree, &Sight { planes: [DVec4::W; 5], ..sight });
+            let radius = |i: u32, least: f32| octree.flat.geometry[i as usize][3].max(least);
+            let cut: Vec<(u32, f32)> = list
+                .spans
+                .iter()
+                .flat_map(|span| (span.first..span.first + span.count).map(|i| (i, radius(i, span.least))))
+                .collect();
+            assert_eq!(groups.overlaps(&octree.flat, &cut, 0.6).expect("a cut"), 0, "{preset}, {threshold} px");
+            let one = Groups { of: vec![0; octree.flat.len()], ..Groups::default() };
+            reduced += (cut.len() < 5000
+                && one.overlaps(&octree.flat, &cut, 0.6).expect("a cut") > cut.len() as u64 / 2)
+                as u32;
+        }
+        assert!(reduced > 2, "{preset}: {reduced} cuts say something");
+    }
 }
 
 #[test]

@@ -35,6 +35,7 @@
 
 mod average;
 mod build;
+mod color;
 mod farthest;
 mod file;
 mod levels;
@@ -77,10 +78,10 @@ pub struct Options {
 }
 
 impl Options {
-    /// At most 10,000 points a block, as published, and 4³ children in an r-grid. Half as many for Poisson-disk samples, whose
+    /// At most 10,000 points a block, as published, and 4³ children in an r-grid. 4000 for Poisson-disk samples, whose
     /// blocks are not what is drawn from afar.
     pub fn new(preset: Preset) -> Options {
-        Options { preset, block: if preset == Preset::Poisson { 5000 } else { 10_000 }, r: 4 }
+        Options { preset, block: if preset == Preset::Poisson { 4000 } else { 10_000 }, r: 4 }
     }
 }
 

@@ -152,6 +152,6 @@ impl Octree {
 /// Radius with which points that far apart cover all that those between them did, which have a mean radius of `own`. Gaps are as wide
 /// as the distance, and 1/√2 of it in a grid, for which a radius is made; and what is left out reaches into a gap of the scan,
 /// about half of its radius.
-fn cover(spacing: f64, own: f32) -> f64 {
+pub(super) fn cover(spacing: f64, own: f32) -> f64 {
     (2.0 * spacing.powi(2) + 0.5 * (own as f64).powi(2)).sqrt()
 }
