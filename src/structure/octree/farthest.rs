@@ -39,10 +39,10 @@ impl Node {
     /// Squared distances. Rounding is monotonic: never more than that of a point within.
     fn distances(&self, q: [f32; 3]) -> [f32; WIDE] {
         let mut sum = [0.0; WIDE];
-        for axis in 0..3 {
-            for (at, sum) in sum.iter_mut().enumerate() {
+        for ((low, high), q) in self.low.iter().zip(&self.high).zip(q) {
+            for ((sum, low), high) in sum.iter_mut().zip(low).zip(high) {
                 // As comparisons, which compile to one instruction each: no number here is none.
-                let (below, above) = (self.low[axis][at] - q[axis], q[axis] - self.high[axis][at]);
+                let (below, above) = (low - q, q - high);
                 let away = if below > above { below } else { above };
                 let away = if away > 0.0 { away } else { 0.0 };
                 *sum += away * away;

@@ -27,9 +27,10 @@
 //! least s are s apart, and every other point lies within s of one of them: some 0.6 points a square of s, at which s itself can be what the
 //! threshold asks for, in levels of an eighth octave. That is about a third of the points that ESPTs take. Samples whose radii shrink are
 //! McCool's and Fiume's (Hierarchical Poisson disk sampling distributions, 1992); here they are points of the scan. What is drawn gets
-//! at least the radius √(2 s² + r² / 2): gaps are s wide and not s / √2 as in a grid, for which radii are made, and what is left out,
-//! of mean radius r, reaches half of that into a gap of the scan. Inner cells hold points, too: those of the first levels, drawn along with their
-//! children's where those are needed, so that what is seen from afar is few runs.
+//! at least the radius √(2 s² + min(r, s)² / 2), r the median of its block: gaps are s wide and not s / √2 as in a grid, for which radii are
+//! made, and what is left out reaches some way into a gap of the scan. A point with a radius of 2 s and more stays, however near others are: its
+//! disc is far larger than those that could stand for it. Inner cells hold points, too: those of the first levels, drawn along with their children's
+//! where those are needed, so that what is seen from afar is few runs.
 //!
 //! OneVBO is the flat array; OneSPT and SPTsR (3.3, 4.2) are tested point by point, see [`super::sequential`].
 
@@ -140,7 +141,7 @@ pub struct Cell {
 struct Block {
     points: Run,
     averages: Run,
-    /// Of Poisson-disk samples, the mean radius of the points (of their squares) \[cloud units\].
+    /// Of Poisson-disk samples, the median radius of the points \[cloud units\].
     own: f32,
 }
 

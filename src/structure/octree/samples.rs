@@ -18,6 +18,9 @@ use crate::select::Sight;
 
 /// Most points that are put in order together.
 const UNIT: usize = 1 << 18;
+/// A point stays down to a distance of so many of its radii, however near others are: beside its disc the one that would stand for
+/// it may be small.
+const STAYS: f32 = 0.5;
 /// Octaves from a cell's side to the least distance between the points that it holds, unless it is a block.
 const HELD: u8 = 5;
 
@@ -38,7 +41,12 @@ impl Builder<'_> {
             let points: Vec<Vec3> = self.places[unit.clone()].iter().map(|place| self.flat.position(place.1)).collect();
             // Of points at one place all but one are there in full detail alone.
             let mut levels = vec![deepest; points.len()];
-            farthest_first(&points, |i, left| levels[i] = squares.partition_point(|s| *s > left) as u8);
+            let level = |square: f32| squares.partition_point(|s| *s > square) as u8;
+            farthest_first(&points, |i, left| levels[i] = level(left));
+            for (own, place) in levels.iter_mut().zip(&self.places[unit.clone()]) {
+                let radius = self.flat.geometry[place.1 as usize][3];
+                *own = (*own).min(level((STAYS * radius).powi(2)));
+            }
             levels
         });
         sampled.concat()
@@ -114,7 +122,7 @@ impl Octree {
         }
     }
 
-    /// Least radius at a level of points whose mean radius is `own`. Rounded up to the distance of a level, or every block had a least
+    /// Least radius at a level of points whose median radius is `own`. Rounded up to the distance of a level, or every block had a least
     /// radius of its own, and a draw.
     fn wide(&self, level: u8, own: f32) -> f32 {
         let octave = self.octave() as f64;
@@ -135,8 +143,9 @@ impl Octree {
                 let Run { first, base, levels, .. } = block.points;
                 finest = base + levels - 1;
                 let count = self.up_to(&block.points, finest);
-                let squares = (first..first + count).map(|i| (self.flat.point(i)[3] as f64).powi(2));
-                let own = (squares.sum::<f64>() / count as f64).sqrt() as f32;
+                let mut radii: Vec<f32> = (first..first + count).map(|i| self.flat.point(i)[3]).collect();
+                let middle = radii.len() / 2;
+                let own = *radii.select_nth_unstable_by(middle, f32::total_cmp).1;
                 self.blocks[self.cells[at].block as usize].own = own;
             }
             let mut child = at + 1;
@@ -149,9 +158,9 @@ impl Octree {
     }
 }
 
-/// Radius with which points that far apart cover all that those between them did, which have a mean radius of `own`. Gaps are as wide
+/// Radius with which points that far apart cover all that those between them did, which have a radius of `own`. Gaps are as wide
 /// as the distance, and 1/√2 of it in a grid, for which a radius is made; and what is left out reaches into a gap of the scan,
-/// about half of its radius.
+/// about half of its radius, which is no more than the distance: it is left out for lying that near.
 pub(super) fn cover(spacing: f64, own: f32) -> f64 {
-    (2.0 * spacing.powi(2) + 0.5 * (own as f64).powi(2)).sqrt()
+    (2.0 * spacing.powi(2) + 0.5 * (own as f64).min(spacing).powi(2)).sqrt()
 }
