@@ -97,6 +97,14 @@ fn a_right_checksum_is_not_enough() {
         let error = read(&signed(altered)).expect_err(what).to_string();
         assert!(error.starts_with("a.octree at byte "), "{what}: {error}");
     }
+    // A block of Poisson-disk samples may be said to hold none.
+    let mut none = self::bytes(&made(Preset::Poisson).2);
+    let (cells, blocks, ends) = {
+        let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| none[at + k])) as usize;
+        (word(44), word(48), word(52))
+    };
+    none[96 + 44 * cells + 32 * blocks..][..4 * ends].fill(0);
+    assert!(read(&signed(none)).is_ok_and(|octree| octree.levels().iter().all(|level| *level == 0)));
     // Cells that are their own next, and blocks that hold nothing, would never be left or drawn.
     for (at, value) in [(cell(2) + 32, 2), (block(0) + 12, 0)] {
         let mut altered = bytes.clone();

@@ -18,6 +18,8 @@ use crate::select::Sight;
 
 /// Most points that are put in order together.
 const UNIT: usize = 1 << 18;
+/// Most points of a block whose radii are looked at: a file may have many blocks of the same points.
+const ASKED: usize = 256;
 /// A point stays down to a distance of so many of its radii, however near others are: beside its disc the one that would stand for
 /// it may be small.
 const STAYS: f32 = 0.5;
@@ -132,22 +134,22 @@ impl Octree {
         (side / ((level as f64 - levels) / octave).exp2()) as f32
     }
 
-    /// Finds what selection needs to know of Poisson-disk samples beside what is stored.
+    /// Finds what selection needs to know of Poisson-disk samples beside what is stored, in time for each cell and block.
     pub(super) fn measure(&mut self) {
         if self.preset != Preset::Poisson {
             return;
         }
+        for at in 0..self.blocks.len() {
+            let Run { first, base, levels, .. } = self.blocks[at].points;
+            let count = self.up_to(&self.blocks[at].points, base + levels - 1);
+            let some = (first..first + count).step_by(count as usize / ASKED + 1);
+            let mut radii: Vec<f32> = some.map(|i| self.flat.point(i)[3]).collect();
+            radii.sort_unstable_by(f32::total_cmp);
+            self.blocks[at].own = radii.get(radii.len() / 2).copied().unwrap_or(0.0);
+        }
         for at in (0..self.cells.len()).rev() {
-            let mut finest = 0;
-            if let Some(block) = self.blocks.get(self.cells[at].block as usize) {
-                let Run { first, base, levels, .. } = block.points;
-                finest = base + levels - 1;
-                let count = self.up_to(&block.points, finest);
-                let mut radii: Vec<f32> = (first..first + count).map(|i| self.flat.point(i)[3]).collect();
-                let middle = radii.len() / 2;
-                let own = *radii.select_nth_unstable_by(middle, f32::total_cmp).1;
-                self.blocks[self.cells[at].block as usize].own = own;
-            }
+            let block = self.blocks.get(self.cells[at].block as usize);
+            let mut finest = block.map_or(0, |block| block.points.base + block.points.levels - 1);
             let mut child = at + 1;
             while child < self.cells[at].skip as usize {
                 finest = finest.max(self.cells[child].finest);
