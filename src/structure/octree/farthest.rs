@@ -3,7 +3,7 @@
 //! to each other than r, and no point is farther from all of it than r.
 //!
 //! Points lie in a tree of boxes, eight to a box, with the greatest distance that is left in each. A new point visits the
-//! boxes that are nearer to it than that. About 2.2 ln n distances a point of a surface are computed, most of them of the first.
+//! boxes that are nearer to it than that. On a surface those hold some n / i points for the i-th, so that the work is n log n.
 
 use glam::Vec3;
 
